@@ -1,4 +1,4 @@
-"""How a tuning, a comparison or a design runs, who listens to it, and the folder that keeps it."""
+"""Execution of tunings, comparisons and designs: engine, callbacks, and the results' folder."""
 
 import json
 import tempfile
@@ -29,9 +29,8 @@ from jaxsat.studies.work import Work
 
 @dataclass(frozen=True)
 class Execution:
-    """How studies are run: `engine` as in `build_study`, `executor` and `elsewhere` as in
-    `run_study`.
-    """
+    """Execution of studies: `engine` as in `build_study`, `executor`, `elsewhere` as in
+    `run_study`."""
 
     engine: EngineName = "auto"
     executor: AbstractExecutor | None = None
@@ -40,12 +39,12 @@ class Execution:
 
 @dataclass(frozen=True)
 class Listener:
-    """What is called while something long runs.
+    """Callbacks of a long computation.
 
-    `progress` gets what runs and how far it is: a `StudyProgress`, a `DescentProgress` or None.
-    `remark` gets what there is to be told besides, such as why an engine is not taken, and `warn`
-    what is likely a mistake, repairs of stores among it. `approve` gets the work of all that is to
-    be done, about, before anything is computed or written; what it raises ends the call.
+    `progress` gets the name of a part and its state: a `StudyProgress`, a `DescentProgress` or
+    None. `remark` gets notes, such as why an engine is not used, and `warn` likely mistakes and
+    repairs of stores. `approve` gets the estimated work before anything is computed or written; an
+    exception from it ends the call.
     """
 
     progress: Callable[[str, Any], None] = lambda what, at: None
@@ -64,10 +63,10 @@ def run_columns(
     *,
     until: AbstractStopRule | None = None,
 ) -> dict[str, np.ndarray]:
-    """The columns of a study by name; its store gets what it lacks.
+    """Run the cases that a study's store lacks, and return all columns by name.
 
-    With `until` they have as many cases as that rule asks for. The listener is given `what` runs
-    and an error of the steps that is larger than the `scenario` of the study allows.
+    `until` stops the run by its rule. The listener gets progress under the name `what`, and a
+    warning of solver errors larger than the `scenario` allows.
     """
     if study.remark is not None:
         listener.remark(study.remark)
@@ -93,7 +92,7 @@ def run_columns(
 def folder_of_call(
     out: str | Path | None, kind: str, identity: Mapping[str, Any] | None = None
 ) -> Iterator[ResumableFolder]:
-    """The folder by which the same call is resumed; without `out` one that goes when it ends.
+    """Open the folder by which the same call is resumed; without `out` a temporary one.
 
     Raises `OutputError` as `resumable_folder` does.
     """
@@ -106,7 +105,7 @@ def folder_of_call(
 def resumable_folder(
     path: str | Path, kind: str, identity: Mapping[str, Any] | None, what: str
 ) -> ResumableFolder:
-    """A folder of one kind of result, new or of the same `identity` (plain data, if any).
+    """Open a folder of one kind of result, new or of the same `identity` (plain data, if any).
 
     Raises `OutputError` for a folder that cannot be used, or that holds another `what`.
     """

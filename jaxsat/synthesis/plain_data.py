@@ -1,4 +1,4 @@
-"""Results as plain data, of which records and documents are made."""
+"""Conversion of results to plain data for records and documents."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def plain_data(value: Any) -> Any:
-    """Nested results as plain data for JSON; numbers that are not finite become None."""
+    """Convert nested results to plain data for JSON; numbers that are not finite become None."""
     if isinstance(value, dict):
         return {str(key): plain_data(entry) for key, entry in value.items()}
     if hasattr(value, "_asdict"):

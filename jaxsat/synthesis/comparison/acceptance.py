@@ -1,7 +1,7 @@
-"""The acceptance set: which laws under which torque limits and dispersions.
+"""The acceptance set: laws under torque limits and dispersions.
 
 Starts, spacecraft, disturbance and dispersions are the scenarios `acceptance-LEVEL` of the library.
-Here is what differs between the laws: their tables, and how long they are given.
+This module holds what differs between the laws: their tables and durations.
 """
 
 import enum
@@ -35,19 +35,19 @@ LAWS: Mapping[str, str] = MappingProxyType(
         "rate": "(38)-(39) with the printed gains",
     }
 )
-"""What each law does. The last three are the paper's, sampled like the others."""
+"""Description of each law. The last three are the paper's, sampled like the others."""
 
 MORE_LAWS: Mapping[str, str] = MappingProxyType(
     {"planned": "plan the quickest manoeuvre in flight, follow it, hold"}
 )
-"""Laws that are compared only if they are named, as they take long to compute."""
+"""Laws that are compared only by name, as they take long to compute."""
 
 _HORIZONS = {1.0: 2000.0, 5.0: 1200.0, 20.0: 1000.0}
 LIMITS = tuple(_HORIZONS)
-"""Torque limits in N m."""
+"""Torque limits, N m."""
 
 PERIOD = 0.1
-"""Seconds between the samples of the laws that are sampled."""
+"""Sampling period of the sampled laws, s."""
 
 _NEVER, _ALWAYS = 1e6, 1e-12
 """Thresholds on |ω3| (rad/s) at which the switching law never or always takes the rate law."""
@@ -65,10 +65,10 @@ class ComparisonSetting(NamedTuple):
 
 
 def horizon(torque_limit: float) -> float:
-    """Seconds that a case is given: 2000, 1200, 1000 at 1, 5, 20 N m.
+    """Return the duration of a case (s): 2000, 1200, 1000 at 1, 5, 20 N m.
 
-    In between straight lines in logarithms, rounded to 10 s; below 1 N m in proportion to the
-    duration of a slew, 1/√Tm.
+    In between it is linear in logarithms, rounded to 10 s; below 1 N m proportional to the duration
+    of a slew, 1/√Tm.
     """
     limits = sorted(_HORIZONS)
     seconds = np.exp(
@@ -78,15 +78,14 @@ def horizon(torque_limit: float) -> float:
 
 
 def comparison_scenario(setting: ComparisonSetting) -> Scenario:
-    """The scenario of one law on the acceptance set.
+    """Return the scenario of one law on the acceptance set.
 
-    The paper's laws run as the others do: ten times a second on what the sensors say, their torque
-    held, dω_d/dt by a backward difference. A switching law that never switches is the three-axis or
-    the rate law alone. Besides those of `LAWS` and `MORE_LAWS` the law may be one that does not
-    come with jaxsat, with the defaults of its keys, or the name of a scenario file, whose
-    `[control]` is taken.
-    Raises `ValueError` for a level or law that there is not, and `ScenarioError` for a torque limit
-    that no scenario can have and for a law that does not suit the set.
+    The paper's laws are sampled like the others: ten times a second on sensor data, torque held,
+    dω_d/dt by a backward difference. The three-axis and the rate law are a switching law that never
+    switches. Besides those of `LAWS` and `MORE_LAWS` the law may be a plug-in, with the defaults of
+    its keys, or the name of a scenario file, whose `[control]` is used. Raises `ValueError` for an
+    unknown level or law, and `ScenarioError` for a torque limit that no scenario can have and for a
+    law that does not suit the set.
     """
     if setting.level not in LEVELS:
         levels = ", ".join(LEVELS)
@@ -115,7 +114,7 @@ def comparison_scenario(setting: ComparisonSetting) -> Scenario:
 
 
 def validated(data: Mapping[str, Any], source: str) -> Scenario:
-    """The scenario of these tables; raises `ScenarioError` with every problem of the `source`."""
+    """Validate tables of a scenario; raises `ScenarioError` with all problems of `source`."""
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
@@ -164,7 +163,7 @@ def _control(law: str) -> dict[str, Any]:
 
 
 class Start(enum.Enum):
-    """Where the cases of a study begin: at random, or all in the paper's initial state."""
+    """Start of the cases of a study: at random, or all in the paper's initial state."""
 
     RANDOM = "random"
     PAPER = "paper"
@@ -180,9 +179,9 @@ def comparison_study(
     batch_size: int = 50,
     chunk: int | None = None,
 ) -> Study:
-    """`count` cases of one law on the acceptance set.
+    """Return the study of `count` cases of one law on the acceptance set.
 
-    With the same seed case i is the same spacecraft, start and noise for every law and limit. The
+    With the same seed case i has the same spacecraft, start and noise for every law and limit. The
     other arguments are those of `build_study`.
     """
     scenario = comparison_scenario(setting)

@@ -1,4 +1,4 @@
-"""Time against effort: the least effort within each time, and what laws take of both."""
+"""Pareto front of time against effort, and laws beside it."""
 
 import functools
 import math
@@ -26,16 +26,16 @@ STRETCHES = (1.005, 1.01, 1.02, 1.05, 1.1, 1.2, 1.35, 1.5, 1.75, 2.0, 2.5, 3.0, 
 
 
 class FrontPoint(NamedTuple):
-    """A plan of the front: its duration (s) and effort ∫ Σ|T_i| dt (N m s)."""
+    """A plan on the front: duration (s) and effort ∫ Σ|T_i| dt (N m s)."""
 
     duration: float
     effort: float
 
 
 class FlownPoint(NamedTuple):
-    """A law flown from the same start: when it settles (s), and its effort until then (N m s).
+    """A law flown from the same start: settling time (s) and effort until then (N m s).
 
-    Infinite and NaN for one that does not settle.
+    A law that does not settle has infinite time and NaN effort.
     """
 
     law: str
@@ -46,9 +46,9 @@ class FlownPoint(NamedTuple):
 class Front(NamedTuple):
     """The front under a torque limit (N m), and the laws beside it.
 
-    `points` begin with the least time; each takes longer than the one before it and less effort.
-    `failed` are the durations (s) for which no plan arrives. `end` says where plans end, laws
-    where they settle.
+    `points` begin with the least time; each takes longer than the one before and less effort.
+    `failed` are the durations (s) without a plan that arrives. `end` is where plans end, laws
+    settle.
     """
 
     torque_limit: float
@@ -58,7 +58,7 @@ class Front(NamedTuple):
     end: End = "settled"
 
     def as_data(self) -> dict[str, Any]:
-        """The front and the laws as plain data; None for what is not finite."""
+        """Convert to plain data; None for numbers that are not finite."""
         laws = [
             {"law": one.law, "settled_from_s": one.settled_from, "effort_N_m_s": one.effort}
             for one in self.flown
@@ -82,16 +82,16 @@ def front(
     report: Callable[[str], None] = lambda what: None,
     end: End = "settled",
 ) -> Front:
-    """The least effort of the scenario's manoeuvre within each time, and laws beside it.
+    """Return the least effort of the scenario's manoeuvre within each time, and laws beside it.
 
     The scenario has ideal thrusters with a torque limit; its own law does not matter. Plans know
-    the disturbance and use the whole torque; they end where laws do, within the scenario's
-    tolerances, or exactly at rest. Each duration of `STRETCHES` is planned from `guesses`
-    ways to the target, near the plan of the next shorter duration and near that of the next longer
-    one. DOP853 flies every plan again; those that miss the target do not count. `report` receives
-    what is under way. Every law of `laws` (as `scenario_under` takes them) flies from the same
-    start; one that settles before every plan ends is itself the first point. Where no plan arrives
-    there is no point. Raises as `manoeuvre_of` and `scenario_under` do.
+    the disturbance and use the whole torque; they end within the scenario's tolerances, or exactly
+    at rest. Each duration of `STRETCHES` is planned from `guesses` ways to the target and near the
+    plans of the next shorter and the next longer duration. DOP853 flies every plan again; those
+    that miss the target do not count. `report` receives progress. Every law of `laws` (as
+    `scenario_under` takes them) flies from the same start; one that settles before every plan ends
+    is itself the first point. Where no plan arrives there is no point. Raises as `manoeuvre_of` and
+    `scenario_under` do.
     """
     runs = {law: build(_save_every_sample(scenario_under(scenario, law))) for law in laws}
     loop, start = build_uncontrolled(scenario)
@@ -121,7 +121,7 @@ def front(
 
 
 def _falling(points: Iterable[FrontPoint]) -> list[FrontPoint]:
-    """The points that no other one beats, the quickest first."""
+    """Return the points that no other one dominates, the quickest first."""
     front: list[FrontPoint] = []
     for point in sorted(points):
         if not front or point.effort < front[-1].effort:
@@ -146,7 +146,6 @@ def _cheapest(
     arriving: Callable[[Plan], bool],
     report: Callable[[str], None],
 ) -> list[tuple[Float[np.ndarray, ""], Plan | None]]:
-    """The best plan of each duration that arrives, if there is one."""
     durations = [jnp.asarray(stretch) * quickest.duration for stretch in STRETCHES]
     arriving_plans: list[list[Plan]] = []
     near = quickest
@@ -174,14 +173,14 @@ def _effort(plan: Plan) -> float:
 
 
 def arrives(manoeuvre: Manoeuvre, plan: Plan) -> bool:
-    """Whether a plan ends where the manoeuvre does when DOP853 flies it."""
+    """Whether a plan, flown by DOP853, ends where the manoeuvre does."""
     if int(plan.status) == PlanStatus.FAILED:
         return False
     return propagate(manoeuvre, solution_of(plan)).arrives(manoeuvre)
 
 
 def _fly(law: str, run: Run, manoeuvre: Manoeuvre) -> FlownPoint:
-    """A law from the scenario's start; its torque is taken at the instants that are saved."""
+    """Fly a law from the scenario's start, with its torque at the saved times."""
     run_result = run.simulate()
     settled = float(run_result.assessment.settled_from)
     if not math.isfinite(settled):
@@ -196,7 +195,7 @@ def _fly(law: str, run: Run, manoeuvre: Manoeuvre) -> FlownPoint:
 
 
 def _save_every_sample(scenario: Scenario) -> Scenario:
-    """The scenario saved at every sample of its law, whose torque changes at no other time."""
+    """Return the scenario saved at every sample of its law, at which alone the torque changes."""
     period = getattr(scenario.control, "period_s", None)
     if period is None:
         return scenario

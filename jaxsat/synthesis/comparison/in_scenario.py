@@ -1,4 +1,4 @@
-"""Laws compared on the dispersed cases of any scenario, its failures in flight among them."""
+"""Laws compared on the dispersed cases of any scenario, with its failures in flight."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -37,11 +37,11 @@ from jaxsat.synthesis.controller_design.candidates import SLOW_LAWS
 from jaxsat.synthesis.execution import Execution, Listener, folder_of_call
 
 ALL = "all"
-"""In place of a law: the scenario's own and those that fit its actuators."""
+"""Name for the scenario's own law and all others that fit its actuators."""
 
 
 class ScenarioVerdict(NamedTuple):
-    """Which law to take in a scenario, None where none settles, and why."""
+    """The best law in a scenario, None where none settles, and the reason."""
 
     scenario: str
     law: str | None
@@ -49,14 +49,14 @@ class ScenarioVerdict(NamedTuple):
 
 
 class ScenarioComparison(NamedTuple):
-    """A row for every law, what came of failures in flight under each (None without), a verdict."""
+    """A row for every law, its recoveries from failures in flight (None without), and a verdict."""
 
     rows: list[ComparisonRow]
     recoveries: list[RecoverySummary | None]
     verdict: ScenarioVerdict
 
     def as_data(self) -> dict[str, Any]:
-        """Everything but the single times and cases, as plain data."""
+        """Convert everything but single times and cases to plain data."""
         return {
             "scenario": self.verdict.scenario,
             "rows": [
@@ -68,14 +68,13 @@ class ScenarioComparison(NamedTuple):
 
 
 def scenario_under(scenario: Scenario, law: str) -> Scenario:
-    """The scenario under another law, without `[tuning]`.
+    """Return the scenario under another law, without `[tuning]`.
 
-    Keys of `[control]` that both laws have keep their values, the others of the new law have their
-    defaults; a sampled law in place of a continuous one, or the reverse, has the default solver.
-    `law` is a law's name, `"module:Class"`, or a scenario file whose `[control]` is taken.
+    Keys of `[control]` that both laws have keep their values, the others have their defaults; a
+    sampled law in place of a continuous one, or the reverse, has the default solver. `law` is a
+    law's name, `"module:Class"`, or a scenario file whose `[control]` is used.
 
-    Raises `ValueError` for a law that there is not and `ScenarioError` for one that does not
-    suit the scenario.
+    Raises `ValueError` for an unknown law and `ScenarioError` for one that does not suit.
     """
     data = scenario.model_dump(exclude_none=True, exclude={"tuning"})
     if law.endswith(FILE):
@@ -106,14 +105,13 @@ def compare_in_scenario(
     execution: Execution = Execution(),
     listener: Listener = Listener(),
 ) -> ScenarioComparison:
-    """Run the same `count` cases of a scenario under each law.
+    """Run the same `count` cases of a scenario under each law, and compare the laws.
 
     Case i has the same spacecraft, start, failures and noise under every law. A scenario without
     dispersions has one case. The law "all" stands for the scenario's own and the others that fit
-    its actuators, as `design` takes them; the listener is told why one of them is left out. With
-    `out` the studies are kept in that folder, with the record and the figures that `jaxsat compare`
-    writes, and the same call resumes them. Raises `UnsuitableLaw`, and as `scenario_under` and
-    `run_study` do.
+    its actuators, as in `design`; the listener gets the reason for each omission. With `out` the
+    studies, the record and the figures are kept in that folder, as by `jaxsat compare`, and the
+    same call resumes them. Raises `UnsuitableLaw`, and as `scenario_under` and `run_study` do.
     """
     if scenario.dispersion is None:
         scenario, count = scenario.model_copy(update={"dispersion": DispersionTable()}), 1  # pyright: ignore[reportCallIssue]
@@ -135,7 +133,7 @@ def compare_in_scenario(
 def _studies(
     scenario: Scenario, laws: Iterable[str], count: int, tell: Callable[[str], None], **keys: Any
 ) -> Iterator[tuple[str, tuple[Scenario, Study]]]:
-    """The study of each law by its name; a law of `ALL` that does not suit is left out."""
+    """Yield name, scenario and study of each law; a law of `ALL` that does not suit is left out."""
     named_laws, own = dict.fromkeys(laws), scenario.control.law
     fitting: list[str] = []
     if ALL in named_laws:
@@ -159,7 +157,7 @@ def _studies(
 def _study(
     scenario: Scenario, law: str, count: int, tell: Callable[[str], None], **keys: Any
 ) -> tuple[Scenario, Study]:
-    """The study of a law, and its scenario, whose steps `refined_study` chooses."""
+    """Return scenario and study of a law, with the steps that `refined_study` chooses."""
     try:
         return refined_study(scenario_under(scenario, law), count, tell, **keys)
     except ValueError as error:
@@ -169,7 +167,6 @@ def _study(
 def _compare(
     scenario: Scenario, studies: Mapping[str, tuple[Scenario, Study]], run: ComparisonRun
 ) -> ScenarioComparison:
-    """Run what the stores of the studies lack, and compare their laws."""
     rows, recoveries = [], []
     for law, (under, study) in studies.items():
         store = named_store(run.folder, law)

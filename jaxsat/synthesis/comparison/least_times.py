@@ -2,8 +2,7 @@
 
 `least_bounds` searches for those from the paper's start. Those of the random starts are stored:
 plans with the whole torque, without dispersions, by `benchmarks/least_times.py`. Each is the best
-optimum that was found, which is not certified. They end where a case begins to count as settled,
-as settling times do, or at rest.
+optimum found, not a certified one. Plans end where a case counts as settled, or at rest.
 """
 
 import json
@@ -28,7 +27,7 @@ STORED = "least_times.json"
 
 
 class LeastTime(NamedTuple):
-    """The median least time (s) of the starts of a comparison under one limit (N m)."""
+    """Median least time (s) of the starts of a comparison under one limit (N m)."""
 
     torque_limit: float
     median: float
@@ -38,7 +37,7 @@ class LeastTime(NamedTuple):
 def median_least_time(
     seed: int, torque_limit: float, count: int, end: End = "settled"
 ) -> float | None:
-    """The median least time (s) of the first `count` random starts of a seed; None if unknown."""
+    """Return the median least time (s) of the first `count` random starts; None if not stored."""
     for table in json.loads(text_of("jaxsat.synthesis.comparison", STORED)):
         times = [np.inf if one is None else one for one in table["least_times_s"]]
         of_table = (table["seed"], table["torque_limit_N_m"], table["end"])
@@ -48,7 +47,7 @@ def median_least_time(
 
 
 def least_times(rows: Sequence[ComparisonRow], seed: int, end: End = "settled") -> list[LeastTime]:
-    """The median least time under every torque limit for which those of the starts are stored."""
+    """Return the median least time under every torque limit that has stored ones."""
     medians = []
     for limit in dict.fromkeys(row.setting.torque_limit for row in rows):
         cases = next(row.cases for row in rows if row.setting.torque_limit == limit)
@@ -59,13 +58,13 @@ def least_times(rows: Sequence[ComparisonRow], seed: int, end: End = "settled") 
 
 
 BOUNDS = "bounds"
-"""Folder of the bounds that were found."""
+"""Subfolder of the bounds."""
 
 
 def least_bounds(
     limit: float, starts: int, seed: int, end: End, folder: ResumableFolder, listener: Listener
 ) -> dict[str, Any]:
-    """Least time and effort under a torque limit (N m); once found, they are kept in the folder."""
+    """Return least time and effort under a torque limit (N m), kept in the folder."""
     scenario = comparison_scenario(ComparisonSetting("nominal", limit, "rate"))
     run, tolerances = build(scenario), tolerances_at(scenario, end)
     manoeuvre = manoeuvre_of(run.loop, run.start, tolerances=tolerances)
@@ -94,7 +93,7 @@ def least_bounds(
 
 
 def _matching_record(content: bytes | None, request: dict[str, Any]) -> dict[str, Any] | None:
-    """The record of an earlier search, if it answers the same request."""
+    """Return the record of an earlier search for the same request, if any."""
     record = parse_json(content)
     objectives = [one.value for one in BoundObjective]
     if not isinstance(record, dict) or set(record) != {*request, *objectives}:

@@ -1,4 +1,4 @@
-"""What a law takes of actuators that wear, fill or empty, and how it points."""
+"""Costs of a law: propellant, momentum and pointing error."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -12,10 +12,10 @@ DAY = 86400.0
 
 
 class Prices(NamedTuple):
-    """Medians over the cases that reach their end; None where the vehicle has no such price.
+    """Median costs over the cases that reach their end; None where the vehicle lacks the device.
 
-    `propellant_kg_day` (kg) is a day's at the mean use of a case, its manoeuvres and failures
-    included. `momentum_margin` is the part of its limit that the fullest wheel never holds, and
+    `propellant_kg_day` is kg a day at the mean use of a case, manoeuvres and failures included.
+    `momentum_margin` is the part of its limit that the fullest wheel never holds, and
     `pointing_error_deg` (degree) the angle to the target attitude at the end.
     """
 
@@ -28,7 +28,7 @@ NO_PRICES = Prices()
 
 
 def prices_of(scenario: Scenario, columns: Mapping[str, Any]) -> Prices:
-    """The prices of a study of a scenario, from its columns."""
+    """Return the costs of a study of a scenario, from its columns."""
     complete = np.asarray(columns["code"]) == int(Outcome.SUCCESS)
     if not complete.any():
         return NO_PRICES

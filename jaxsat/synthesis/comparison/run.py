@@ -41,25 +41,25 @@ if TYPE_CHECKING:
     import pandas as pd
 
 KIND = "comparison"
-"""The kind of the output folder."""
+"""Kind of the output folder."""
 
 CASE = 400
-"""Bytes of a case in memory and on the disk, about."""
+"""Approximate bytes of a case in memory and on disk."""
 
 
 class UnsuitableSetting(JaxsatError, ValueError):
-    """An engine for a law with which the acceptance set cannot be run."""
+    """An engine that cannot run a law on the acceptance set."""
 
 
 class UnsuitableLaw(JaxsatError, ValueError):
-    """A law that there is not, or that cannot fly the cases."""
+    """A law that is unknown or cannot fly the cases."""
 
 
 class Comparison(NamedTuple):
     """A row for every law, limit and level, and a verdict for every limit and level.
 
-    `bounds` are the least time and effort from the paper's start under every limit, if they were
-    asked for, and `least_times` the medians of the starts as far as they are stored.
+    `bounds` are the least time and effort from the paper's start under every limit, if requested,
+    and `least_times` the medians of the starts as far as they are stored.
     """
 
     rows: Sequence[ComparisonRow]
@@ -68,7 +68,7 @@ class Comparison(NamedTuple):
     least_times: Sequence[LeastTime] = ()
 
     def as_data(self) -> dict[str, Any]:
-        """Everything but the single times, as plain data."""
+        """Convert everything but single times to plain data."""
         return {
             "rows": [row.as_data() for row in self.rows],
             "verdicts": [one._asdict() for one in self.verdicts],
@@ -80,8 +80,7 @@ class Comparison(NamedTuple):
         }
 
     def table(self, folder: str | Path) -> "pd.DataFrame":
-        """All cases in the folder of this, a row each: law, level, torque limit, start, and what
-        `case_table` tells.
+        """Return a row per case in the folder: setting, start, and the columns of `case_table`.
 
         Raises `OutputError` for a damaged store.
         """
@@ -117,13 +116,12 @@ def compare(
     """Compare laws on `count` cases of the acceptance set at each level and torque limit (N m).
 
     A law is one of `LAWS` or `MORE_LAWS` of `jaxsat.synthesis.comparison.acceptance`,
-    `"module:Class"`, an installed law, or a scenario file whose `[control]` is taken; a level is
-    "nominal", "mc" or "hard". `bounds` starts search for the least time and effort from the
-    paper's start; they and the least times end where `end` says. With `out` the studies are kept in
-    that folder, with the record and the figure that `jaxsat compare` writes, and the same call
-    resumes them. Raises `UnsuitableLaw`, `UnsuitableSetting`, `ValueError` for a level that there
-    is not, `ScenarioError` for a torque limit that no scenario can have, and `OutputError` for a
-    folder that cannot be used.
+    `"module:Class"`, an installed law, or a scenario file whose `[control]` is used; a level is
+    "nominal", "mc" or "hard". `bounds` starts search for the least time and effort from the paper's
+    start; they and the least times end where `end` says. With `out` the studies, the record and the
+    figure are kept in that folder, as by `jaxsat compare`, and the same call resumes them. Raises
+    `UnsuitableLaw`, `UnsuitableSetting`, `ValueError` for an unknown level, `ScenarioError` for a
+    torque limit that no scenario can have, and `OutputError` for a folder that cannot be used.
     """
     limits = tuple(map(float, _several(torque_limit)))
     settings = comparison_settings(_several(laws), _several(level), limits)
@@ -144,7 +142,7 @@ def compare(
 def comparison_settings(
     laws: Iterable[str], levels: Iterable[str], limits: Iterable[float | int]
 ) -> list[ComparisonSetting]:
-    """Every law under every limit at every level, the laws of one of each after one another."""
+    """Return every law under every limit at every level, laws varying fastest."""
     laws, levels = tuple(laws), tuple(levels)
     return [
         ComparisonSetting(level, float(limit), law)
@@ -155,7 +153,7 @@ def comparison_settings(
 
 
 def require_suitable(settings: Iterable[ComparisonSetting]) -> None:
-    """Build the loops of laws that do not come with the set; raises as `compare` does."""
+    """Build the loops of laws outside `LAWS`; raises as `compare` does."""
     for setting in settings:
         if setting.law not in LAWS:
             try:
@@ -174,14 +172,13 @@ def _tell_of_untuned(limits: Sequence[float], listener: Listener) -> None:
 
 
 def _work(setting: ComparisonSetting, count: int) -> Work:
-    """What the cases of one setting take, about: a law runs ten times a second."""
     steps = round(horizon(setting.torque_limit) / PERIOD)
     return Work(count + 1, (count + 1) * steps, count * CASE, count * CASE)
 
 
 @dataclass(frozen=True)
 class ComparisonRun:
-    """How the studies of a comparison are run: cases and seed, and the folder of their stores."""
+    """Execution of a comparison: cases, seed, and the folder of the stores."""
 
     count: int
     seed: int
@@ -190,9 +187,9 @@ class ComparisonRun:
     listener: Listener = Listener()
 
     def rows(self, settings: Iterable[ComparisonSetting]) -> list[ComparisonRow]:
-        """Run the studies, or what their stores lack of them.
+        """Run the missing cases of the studies, and return their rows.
 
-        Raises `UnsuitableSetting` besides what `run_study` raises.
+        Raises `UnsuitableSetting`, and as `run_study` does.
         """
         return [
             comparison_row(
@@ -220,7 +217,7 @@ class ComparisonRun:
     def columns(
         self, study: Study, scenario: Scenario, what: str, store: Path
     ) -> dict[str, np.ndarray]:
-        """The columns of the study of a scenario, run as far as its store lacks cases."""
+        """Run the missing cases of a study of a scenario, and return its columns."""
         work = (study, scenario, store, what)
         return run_columns(*work, self.execution, self.listener)
 
@@ -241,7 +238,7 @@ Panel = tuple[str, float | None]
 def write_record(
     folder: ResumableFolder, data: Mapping[str, Any], figures: "Callable[[], dict[str, Figure]]"
 ) -> None:
-    """The record as JSON, with what made it, and the figures; raises `OutputError`."""
+    """Write the record with its provenance as JSON, and the figures; raises `OutputError`."""
     from jaxsat.report.saving import save_figures
 
     record = {"command": command_line(), **data, **provenance()}
@@ -250,7 +247,7 @@ def write_record(
 
 
 def acceptance_figures(rows: Sequence[ComparisonRow]) -> "dict[str, Figure]":
-    """Settling times on the acceptance set, a panel for every limit and level."""
+    """Plot settling times on the acceptance set, a panel for every limit and level."""
     from jaxsat.report.comparison_figures import settling_comparison
 
     panels: dict[Panel, dict[str, Any]] = {}
@@ -264,7 +261,7 @@ def acceptance_figures(rows: Sequence[ComparisonRow]) -> "dict[str, Figure]":
 def scenario_figures(
     title: str, duration: float, rows: Sequence[ComparisonRow], recoveries: Mapping[str, Any]
 ) -> "dict[str, Figure]":
-    """Settling times in a scenario that lasts `duration` s, and what recovered under each law."""
+    """Plot settling times in a scenario of `duration` s, and recoveries under each law."""
     from jaxsat.report.comparison_figures import recovery_comparison, settling_comparison
 
     panel: Panel = ("the same cases under every law", None)

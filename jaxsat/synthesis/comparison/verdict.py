@@ -1,4 +1,4 @@
-"""What a law did on the acceptance set, and which one to take."""
+"""Statistics of a law on a set of cases, and the choice of the best law."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -14,20 +14,20 @@ from jaxsat.synthesis.plain_data import plain_data
 
 
 class ScenarioSetting(NamedTuple):
-    """A law in a scenario, by its title."""
+    """A law in a scenario, by the scenario's title."""
 
     scenario: str
     law: str
 
 
 class ComparisonRow(NamedTuple):
-    """One law on the acceptance set, or in a scenario.
+    """Results of one law on the acceptance set, or in a scenario.
 
     `settled` is a fraction with Wilson's interval. `t50` and `t90` (s) are the times within which
-    half and nine tenths of *all* cases settle, infinite where fewer do; so is the upper end of an
-    interval where the cases are too few or too few of them settle.
-    `effort` (N m s) is the median over the cases that did not diverge and `peak_rate` (rad/s) the
-    largest, `paper_start` (s) the settling time from the paper's initial state, infinite if never.
+    half and nine tenths of *all* cases settle, infinite where fewer do, as is the upper end of an
+    interval where too few cases settle. `effort` (N m s) is the median over the cases that did not
+    diverge and `peak_rate` (rad/s) the largest, `paper_start` (s) the settling time from the
+    paper's initial state, infinite if never.
     """
 
     setting: Any  # a ComparisonSetting or a ScenarioSetting
@@ -42,7 +42,7 @@ class ComparisonRow(NamedTuple):
     prices: Prices = NO_PRICES
 
     def as_data(self) -> dict[str, Any]:
-        """Everything but the single times as plain data; None for what is infinite or unknown."""
+        """Convert to plain data without single times; None for infinite or unknown numbers."""
         numbers = {
             "cases": self.cases,
             "settled": self.settled,
@@ -57,7 +57,7 @@ class ComparisonRow(NamedTuple):
 
 
 class ComparisonVerdict(NamedTuple):
-    """Which law to take under one limit at one level, None where none settles, and why."""
+    """The best law under one limit at one level, None where none settles, and the reason."""
 
     level: str
     torque_limit: float
@@ -71,7 +71,7 @@ def comparison_row(
     paper: Mapping[str, Any] | None = None,
     prices: Prices = NO_PRICES,
 ) -> ComparisonRow:
-    """The row of one law from the columns of its studies; `paper` may be left out."""
+    """Return the row of one law from the columns of its studies; `paper` is optional."""
     times = np.asarray(random["settling_time"], float)
     efforts = np.asarray(random["effort"], float)
     rates = np.asarray(random["peak_rate"], float)
@@ -90,20 +90,20 @@ def comparison_row(
 
 
 def choose_law(rows: Sequence[ComparisonRow]) -> ComparisonVerdict:
-    """The law to take among rows of one level and limit, whose cases are the same.
+    """Choose among rows of one level and limit, whose cases are the same.
 
     A law settles significantly fewer cases than the law that settles most if, of the cases that
     only one of the two settles, more than chance allows (95 %, two-sided) are the other's:
-    McNemar's exact test. Of the other laws the one with the least median is taken, the tail (t90)
-    deciding between equals, or of the laws whose times do not differ significantly from it the one
-    with the least effort. Raises `ValueError` for rows of different numbers of cases.
+    McNemar's exact test. Of the other laws the one with the least median is chosen, ties decided by
+    the tail (t90), or of those whose times do not differ significantly from it the one with the
+    least effort. Raises `ValueError` for rows of different numbers of cases.
     """
     level, limit, _ = rows[0].setting
     return ComparisonVerdict(level, limit, *chosen_law(rows))
 
 
 def chosen_law(rows: Sequence[ComparisonRow]) -> tuple[str | None, str]:
-    """The law to take among rows with the same cases, and why; as `choose_law`."""
+    """Return the best law among rows with the same cases, and the reason; see `choose_law`."""
     if len({row.cases for row in rows}) > 1:
         raise ValueError("The rows must have the same cases, but got different numbers of them.")
     surest = max(rows, key=lambda row: (row.settled.value, -row.t50.value))
@@ -119,7 +119,7 @@ def chosen_law(rows: Sequence[ComparisonRow]) -> tuple[str | None, str]:
 
 
 def choose_laws(rows: Iterable[ComparisonRow]) -> list[ComparisonVerdict]:
-    """The verdict on each group of rows of one level and limit."""
+    """Return the verdict on each group of rows of one level and limit."""
     groups: dict[tuple[str, float], list[ComparisonRow]] = {}
     for row in rows:
         groups.setdefault(row.setting[:2], []).append(row)
@@ -161,13 +161,12 @@ def _reason(
 
 
 def _flight(row: ComparisonRow) -> str:
-    """What came of the only case."""
     end = f"settles in {_seconds(row.t50.value)}" if row.settled.value else "does not settle"
     return f"{end} with an effort of {number_text(row.effort, 3)} N m s"
 
 
 def settles_fewer(row: ComparisonRow, other: ComparisonRow) -> bool:
-    """Whether of the cases that only one law settles too many are the other's."""
+    """Whether significantly more of the cases that only one law settles are the other's."""
     one, two = (np.isfinite(each.settling_times) for each in (row, other))
     alone, others = int((one & ~two).sum()), int((two & ~one).sum())
     return bool(others > alone and _tail(alone, alone + others) < (1 - LEVEL) / 2)
@@ -178,15 +177,14 @@ def _time(row: ComparisonRow) -> tuple[float, float, float]:
 
 
 def _as_quick(row: ComparisonRow, quickest: ComparisonRow) -> bool:
-    """Whether neither the median, the cases (sign test) nor the tail (t90) show that a law is
-    slower."""
+    """Whether neither median, cases (sign test) nor tail (t90) show that a law is slower."""
     if np.isinf(row.t50.value) and np.isfinite(quickest.t50.value):
         return False  # which few cases alone cannot show
     return not _differ(*_ahead(quickest, row)) and row.t90.value <= quickest.t90.high
 
 
 def _ahead(one: ComparisonRow, other: ComparisonRow) -> tuple[int, int]:
-    """The numbers of the same cases in which one law is quicker, and in which the other."""
+    """Return in how many of the same cases one law is quicker, and in how many the other."""
     return (
         int((one.settling_times < other.settling_times).sum()),
         int((one.settling_times > other.settling_times).sum()),
@@ -194,12 +192,12 @@ def _ahead(one: ComparisonRow, other: ComparisonRow) -> tuple[int, int]:
 
 
 def _differ(ahead: int, behind: int) -> bool:
-    """Whether chance does not explain such a difference: the exact sign test."""
+    """Whether the difference is significant by the exact sign test."""
     return _tail(min(ahead, behind), ahead + behind) <= (1 - LEVEL) / 2
 
 
 def _quicker(best: ComparisonRow, row: ComparisonRow) -> str:
-    """A clause on how many cases which law is quicker in, and on what the other one spends."""
+    """Return a clause on the cases in which each law is quicker, and on the other's effort."""
     ahead, behind = _ahead(best, row)
     if not _differ(ahead, behind):
         clause = " (difference in time not significant)"
@@ -210,7 +208,7 @@ def _quicker(best: ComparisonRow, row: ComparisonRow) -> str:
 
 
 def _tail(fewer: int, count: int) -> float:
-    """The probability of at most so many of `count` fair coins."""
+    """Return the probability of at most `fewer` heads among `count` fair coins."""
     return float(special.bdtr(fewer, count, 0.5)) if count else 1.0
 
 

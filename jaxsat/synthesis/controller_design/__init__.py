@@ -1,4 +1,4 @@
-"""From a vehicle with failures to a controller that is verified on it: `design`.
+"""Controller design: from a vehicle with failures to a verified controller.
 
-Nothing is imported here: who asks for the verdict on a vehicle needs none of the rest.
+Nothing is imported here, so that the verdict on a vehicle loads none of the rest.
 """

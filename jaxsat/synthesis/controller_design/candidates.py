@@ -1,4 +1,4 @@
-"""Which laws of jaxsat fit what is left, with gains without dimension."""
+"""Candidate laws for the remaining actuators, with dimensionless gains."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -25,10 +25,10 @@ from jaxsat.synthesis.controller_design.request import ALL, QUICK
 from jaxsat.synthesis.controller_design.vehicle import Scale, VehicleVerdict, scale_of
 
 PERIOD = 0.1
-"""Control period (s) where the scenario names none."""
+"""Default control period, s."""
 
 QUICK_PERIOD = 0.05
-"""Periods over τ up to which one step of the third order a period is exact enough."""
+"""Control period over τ up to which one third-order step per period is accurate enough."""
 
 Gains = tuple[Mapping[str, float], Mapping[str, Any]]
 
@@ -53,42 +53,41 @@ GAINS: Mapping[str, Mapping[str, Gains]] = {
         )
     },
 }
-"""Variants of every law: gains times τ (k4 over J0/τ, the weight over T) and those without
-dimension.
+"""Variants of every law: gains times τ (k4 over J0/τ, the weight over T) and dimensionless ones.
 
-The settling laws have their own (`jaxsat.core.declaration.tuned_gains`); those of the three-axis
-law are the ones of `two-wheel-telescope`.
+The settling laws have their own (`jaxsat.core.declaration.tuned_gains`); the gains of the
+three-axis law are those of `two-wheel-telescope`.
 """
 
 SLOW_LAWS: Mapping[str, str] = {
     "planned": "plans in flight, so its verification takes many minutes; give the law planned or "
     "all to include it"
 }
-"""Laws that are designed only on request, and why."""
+"""Laws that are designed only on request, and the reason."""
 
 RATE_SHARE, TILT_SHARE = 0.85, 0.5
-"""The parts of the rate's and of the tilt's tolerance of settling that a large end game takes."""
+"""Fractions of the settling tolerances of rate and tilt that a large end game uses."""
 
 POWERS = {"s": -1, "rad/s": 1, "1/s": 1, "N m s": 1, "N m": 2}
-"""By unit of a gain: the power of √T with which it goes when the torque does, for the same motion
-in scaled time."""
+"""Power of √torque by which a gain scales for the same motion in scaled time, by the gain's unit.
+"""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A law for the vehicle, by its name here."""
+    """A candidate law: its scenario, and its name in the design."""
 
     name: str
     scenario: Scenario
 
     @property
     def tunable(self) -> dict[str, str]:
-        """The keys of the law that can be tuned, and their places in it."""
+        """The tunable keys of the law, and their attribute paths in it."""
         return self.scenario.law.declaration.tunable
 
 
 class Fitting(NamedTuple):
-    """The laws that fit, and why others do not."""
+    """Laws that fit, and the reasons why others do not."""
 
     candidates: tuple[Candidate, ...]
     left_out: tuple[str, ...]
@@ -100,9 +99,9 @@ def fitting_candidates(
     law: str,
     complete: Callable[[Scenario, Scale], Scenario],
 ) -> Fitting:
-    """The laws among those asked for that can be built for the vehicle.
+    """Return the requested laws that can be built for the vehicle.
 
-    `complete` fills in what the scenario lacks once it has a law and a scale.
+    `complete` fills in the missing parts of a scenario with a law and a scale.
     """
     names = [law] if law not in (ALL, QUICK) else fitting_laws(scenario, verdict.judgement)
     slow = [name for name in names if law == QUICK and name in SLOW_LAWS]
@@ -118,7 +117,7 @@ def fitting_candidates(
 
 
 def written_out(scenario: Scenario) -> Scenario:
-    """The scenario with every gain that can be tuned as a number in `[control]`."""
+    """Return the scenario with every tunable gain as a number in `[control]`."""
     controller = controller_of(build_loop(scenario))
     numbers: dict[str, Any] = {}
     for key, place in scenario.law.declaration.tunable.items():
@@ -130,7 +129,7 @@ def written_out(scenario: Scenario) -> Scenario:
 
 
 def with_scaled_gains(scenario: Scenario, factor: float) -> dict[str, Any]:
-    """The `[control]` table for `factor` times the torque: the same motion, times over √factor."""
+    """Return the `[control]` table for `factor` times the torque, with times over √factor."""
     table = scenario.control.model_dump(exclude_none=True)
     for key in scenario.law.declaration.keys:
         power = POWERS.get(getattr(key, "unit", ""), 0)
@@ -143,15 +142,15 @@ def with_scaled_gains(scenario: Scenario, factor: float) -> dict[str, Any]:
 
 
 def times(value: Any, factor: float) -> Any:
-    """A number, or each of several, times a factor."""
+    """Scale a number, or each of a tuple."""
     return tuple(factor * one for one in value) if isinstance(value, tuple) else factor * value
 
 
 def with_larger_end_game(candidate: Candidate) -> Candidate | None:
-    """The candidate with an end game as large as the tolerances of settling allow.
+    """Return the candidate with an end game as large as the settling tolerances allow.
 
-    A larger oscillation stops a larger drift about the third axis, such as an error of the inertia
-    gives in orbit. None where the candidate's own is as large, is given, or there is none.
+    A larger oscillation stops a larger drift about the third axis, such as an inertia error causes
+    in orbit. None where the candidate's own is as large or given, or the law has none.
     """
     control, law = candidate.scenario.control, controller_of(build_loop(candidate.scenario))
     law = law.settling if isinstance(law, PlannedSettling) else law
@@ -171,13 +170,13 @@ def with_larger_end_game(candidate: Candidate) -> Candidate | None:
 
 
 Maker = Callable[[Scale], dict[str, Any]]
-"""Makes a `[control]` table of a scale."""
+"""Function from a scale to a `[control]` table."""
 
 UNIT = Scale((1.0, 1.0), 1.0)
 
 
 def _tables(scenario: Scenario, names: list[str], law: str) -> Iterator[tuple[str, Maker]]:
-    """Names of candidates of these laws, and what makes the `[control]` table of each."""
+    """Yield names of candidates of these laws, and the maker of each `[control]` table."""
     own = scenario.control.model_dump(exclude_none=True)
     for name in names:
         default = name == own["law"] and _is_default(own, name)
@@ -199,7 +198,7 @@ def _is_default(own: Mapping[str, Any], name: str) -> bool:
 
 
 def _maker(name: str, gains: Gains, own: Mapping[str, Any]) -> Maker:
-    """A maker of the table of one of jaxsat's own laws, with the period and model of `own`."""
+    """Return the maker of the table of a built-in law, with period and model of `own`."""
     law = known_law(name)
     assert law is not None
     rates, numbers = gains
@@ -222,7 +221,6 @@ def _maker(name: str, gains: Gains, own: Mapping[str, Any]) -> Maker:
 
 
 def _usual_period(law: Any) -> float:
-    """The control period (s) that a law has by default."""
     defaults = [key.default for key in law.declaration.keys if key.name == "period_s"]
     return PERIOD if defaults in ([], [...]) else defaults[0]
 
@@ -230,7 +228,7 @@ def _usual_period(law: Any) -> float:
 def _scenario_or_reason(
     scenario: Scenario, table: Maker, complete: Callable[[Scenario, Scale], Scenario]
 ) -> Scenario | str:
-    """The scenario under a law, completed; or why the law does not fit."""
+    """Return the completed scenario under a law, or the reason why the law does not fit."""
     try:
         scale = scale_of(_with_control(scenario, table(UNIT), UNIT))
         complete_scenario = complete(_with_control(scenario, table(scale), scale), scale)
@@ -245,7 +243,7 @@ def _scenario_or_reason(
 
 
 def _with_control(scenario: Scenario, control: dict[str, Any], scale: Scale) -> Scenario:
-    """The scenario under that law, in steps and with saved times that suit it."""
+    """Return the scenario under a law, with integration steps and save times that suit it."""
     data = scenario.model_dump(exclude_none=True)
     law = known_law(control["law"])
     if control["law"] != data["control"]["law"]:
@@ -270,9 +268,9 @@ def _with_control(scenario: Scenario, control: dict[str, Any], scale: Scale) -> 
 
 
 def required_law_to_design(own: str, law: str | None = None) -> str:
-    """The law that is to be designed: `law`, or the `own` one of a scenario, or `ALL` or `QUICK`.
+    """Return the law to design: `law`, or a scenario's `own` law, or `ALL` or `QUICK`.
 
-    Raises `ArgumentError` for one that there is not or that aims at no attitude.
+    Raises `ArgumentError` for an unknown law or one that aims at no attitude.
     """
     name = own if law is None else law
     choices = f"a law ({', '.join(GAINS)}), {ALL} or {QUICK}"

@@ -1,4 +1,4 @@
-"""What a scenario leaves open, filled in without dimension: dispersions, sensors, duration."""
+"""Dimensionless defaults for a scenario's missing dispersions, sensors and duration."""
 
 import math
 from typing import Any, NamedTuple
@@ -17,38 +17,37 @@ from jaxsat.synthesis.controller_design.lost_holds import holds_last
 from jaxsat.synthesis.controller_design.vehicle import Scale, VehicleVerdict
 
 RATE = 0.83
-"""Largest initial rate about each axis times τ, as 0.1 rad/s on the acceptance set at 5 N m."""
+"""Largest initial rate about each axis times τ: 0.1 rad/s on the acceptance set at 5 N m."""
 
 RATE_NOISE = 2.5e-4
-"""Noise of the rate sensors times τ (rad), as 3e-5 rad/s there."""
+"""Noise of the rate sensors times τ (rad): 3e-5 rad/s on the acceptance set."""
 
 ATTITUDE_NOISE = 1e-4
 """Noise of the attitude sensors, rad."""
 
 WHEEL_SHARE = 0.3
-"""Largest initial momentum about each axis, as a part of the wheels' least momentum limit."""
+"""Largest initial momentum about each axis, over the least momentum limit of the wheels."""
 
 SMALL_TURN = 1.0
-"""Rotation about each axis (rad) from which two wheels alone start; they have no momentum left."""
+"""Initial rotation about each axis (rad) for two wheels alone, which have no momentum left."""
 
 
 REFERENCE_COUPLING, LEAST_COUPLING = 0.4, 0.02
-"""c from which on a case gets what the acceptance set gives; and below which it gets no more."""
+"""Couplings c with the duration of the acceptance set, and with the longest one."""
 
 
 class Completion(NamedTuple):
-    """A scenario that has all a study needs, and what was assumed, a sentence each."""
+    """A scenario complete for a study, and a sentence for each assumption."""
 
     scenario: Scenario
     assumed: tuple[str, ...]
 
 
 def default_duration(scenario: Scenario, verdict: VehicleVerdict, scale: Scale) -> float:
-    """Seconds that a case gets, as on the acceptance set at the torque that turns a body alike.
+    """Return the duration of a case (s): that on the acceptance set at the equivalent torque.
 
-    Two torques turn the third axis by c ω1 ω2, so where holds last a smaller c takes longer, as
-    1/c. In a low orbit it does not help: an attitude that balances a large drift is lost again in a
-    long time.
+    Two torques turn the third axis by c ω1 ω2, so where holds last the duration grows as 1/c. In a
+    low orbit it does not help: an attitude that balances a large drift is lost again in time.
     """
     alike = horizon(equivalent_limit(scale.moments, scale.torque))
     two = verdict.judgement.laws == "two torques" and not scenario.wheel
@@ -61,11 +60,11 @@ def default_duration(scenario: Scenario, verdict: VehicleVerdict, scale: Scale) 
 def completed(
     scenario: Scenario, verdict: VehicleVerdict, scale: Scale, timed: bool = True
 ) -> Completion:
-    """The scenario with dispersions, sensors and a duration where it has none.
+    """Return the scenario with default dispersions, sensors and duration where it has none.
 
-    A duration that is given is kept, unless dispersions are filled in, which take longer than one
-    start. Of the level "hard" of the acceptance set, scaled by τ; quantities that the loop does not
-    have are left out.
+    A given duration is kept, unless default dispersions are added, which need more than one start
+    does. Defaults are the level "hard" of the acceptance set, scaled by τ, without quantities that
+    the loop does not have.
     """
     data, assumptions = scenario.model_dump(exclude_none=True), []
     has_dispersions = scenario.dispersion is not None
@@ -92,7 +91,7 @@ def completed(
 def _distributions(
     scenario: Scenario, verdict: VehicleVerdict, scale: Scale
 ) -> dict[str, dict[str, Any]]:
-    """The dispersions of the level hard by key, times in τ."""
+    """Return the dispersions of the level hard by key, times in τ."""
     makers = TorqueMakers.of(scenario)
     no_thrusters = not verdict.judgement.actuators.torques.any()
     alone = bool(makers.wheels) and (no_thrusters or makers.wheels_make_all)
@@ -128,7 +127,7 @@ def _uniform(half: float) -> dict[str, Any]:
 def _fitting_distributions(
     scenario: Scenario, tables: dict[str, dict[str, Any]]
 ) -> dict[str, dict[str, Any]]:
-    """The dispersions that the loop has and can begin with."""
+    """Return the dispersions of quantities that the loop has, and from which it can begin."""
     run = build(scenario)
     fitting_tables = dict(tables)
     while fitting_tables:
@@ -143,7 +142,6 @@ def _fitting_distributions(
 
 
 def _dispersion_words(tables: dict[str, dict[str, Any]]) -> list[str]:
-    """Every dispersion in a few words."""
     texts = []
     for one in DISPERSIBLE.values():
         table = tables.get(one.key)

@@ -1,4 +1,4 @@
-"""Why cases fail: what they have in common, and what would help, measured on them."""
+"""Causes of failing cases: what separates them from others, and measured effects of changes."""
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
@@ -17,13 +17,13 @@ from jaxsat.synthesis.controller_design.studies import Columns
 from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict, coupling, entries, turned
 
 MOST_FLOWN = 400
-"""Failing cases that are flown again at most."""
+"""Largest number of failing cases that are flown again."""
 
 MOST_NAMED = 5
-"""Numbers that are named at most of those that separate failing cases from the others."""
+"""Largest number of reported quantities that separate failing cases."""
 
 CHANCE = 1.001
-"""Factor on the torque by which it is seen what chance alone does."""
+"""Torque factor whose effect shows mere chance."""
 
 COUPLING = "coupling c"
 
@@ -31,7 +31,7 @@ TENTH = "a tenth of the"
 
 
 class Separation(NamedTuple):
-    """A number by which failing cases differ from the others, and its 10, 50 and 90 percentiles."""
+    """A quantity by which failing cases differ, with 10, 50 and 90 percentiles of both groups."""
 
     name: str
     share: float
@@ -40,7 +40,7 @@ class Separation(NamedTuple):
 
 
 class Remedy(NamedTuple):
-    """A change, and how many of so many failing cases settle with it."""
+    """A change, and how many of the failing cases flown with it settle."""
 
     change: str
     settled: int
@@ -48,14 +48,14 @@ class Remedy(NamedTuple):
 
     @property
     def cost(self) -> float:
-        """How many more cases it must settle than a change that is easier to make."""
+        """Factor of cases that it must settle beyond a change that is easier to make."""
         return 1.25 if self.change.startswith(TENTH) else 1.0
 
 
 def separations(
     scenario: Scenario, columns: Columns, two_torques: bool = False
 ) -> tuple[Separation, ...]:
-    """The numbers that tell whether a case settles, surely more than chance, the first first."""
+    """Return the quantities that significantly separate failing cases, the strongest first."""
     settled = np.isfinite(columns["settling_time"])
     numbers = drawn_numbers(scenario, columns, two_torques)
     measure = Sensitivities([settled])
@@ -70,7 +70,7 @@ def separations(
 def drawn_numbers(
     scenario: Scenario, columns: Columns, two_torques: bool = False
 ) -> dict[str, np.ndarray]:
-    """All that was drawn, the size of the initial rate, and with two torques the coupling c."""
+    """Return all drawn numbers, the size of the initial rate, and for two torques c."""
     numbers: dict[str, np.ndarray] = {}
     for key, values in columns.items():
         if key.startswith(DRAWN):
@@ -85,7 +85,7 @@ def drawn_numbers(
 def remedies(
     chosen: Candidate, others: tuple[Candidate, ...], verdict: VehicleVerdict
 ) -> Iterator[tuple[str, Callable[[], Scenario]]]:
-    """Changes that may help, and the scenario with each; the first one tells what chance does."""
+    """Yield changes that may help, with their scenarios; the first shows the effect of chance."""
     scenario = chosen.scenario
     yield ("0.1 % more torque, to show the effect of chance", lambda: stronger(scenario, CHANCE))
     yield "twice the torque", lambda: stronger(scenario, 2.0)
@@ -113,7 +113,7 @@ TORQUES: Mapping[str, tuple[str, ...]] = {
     "thruster": ("force_N", "torque_N_m"),
     "wheel": ("torque_limit_N_m",),
 }
-"""Keys of what actuators can do, by table."""
+"""Keys of actuator torques, by table."""
 
 NOISE: Mapping[str, tuple[str, ...]] = {
     "sampling": ("rate_noise_rad_s", "attitude_noise_rad"),
@@ -123,14 +123,14 @@ NOISE: Mapping[str, tuple[str, ...]] = {
     "sun_sensor": ("noise_rad",),
     "horizon_sensor": ("noise_rad",),
 }
-"""Keys of sensors' noise, by table."""
+"""Keys of sensor noise, by table."""
 
 DISTURBANCE = {"disturbance": ("amplitude_N_m", "constant_N_m")}
 DURATION = {"simulation": ("duration_s",)}
 
 
 def stronger(scenario: Scenario, factor: float) -> Scenario:
-    """The scenario with `factor` times the torque of every actuator, and gains scaled alike."""
+    """Return the scenario with `factor` times the torque of every actuator, and scaled gains."""
     control = {"control": with_scaled_gains(scenario, factor)}
     return multiplied(scenario, factor, TORQUES, **control)
 
@@ -138,9 +138,8 @@ def stronger(scenario: Scenario, factor: float) -> Scenario:
 def multiplied(
     scenario: Scenario, factor: float, keys: Mapping[str, tuple[str, ...]], **tables: Any
 ) -> Scenario:
-    """The scenario with the numbers of these `keys`, by table, times `factor`; `tables` replace
-    its own.
-    """
+    """Return the scenario with the numbers of `keys`, by table, times `factor`; `tables` replace
+    others."""
     data = scenario.model_dump(exclude_none=True) | tables
     for table, key in entries(data, keys):
         table[key] = times(table[key], factor)
@@ -158,7 +157,7 @@ def _key(name: str) -> str:
 
 
 def _narrow(scenario: Scenario, key: str, share: float = 0.5) -> Scenario:
-    """A share of the width of a uniform distribution about its middle; draws keep their places."""
+    """Narrow a uniform distribution about its middle by `share`; draws keep their places."""
 
     def ends(low: Any, high: Any) -> tuple[Any, Any]:
         first, last = np.asarray(low, float), np.asarray(high, float)
@@ -185,7 +184,7 @@ def _separation(entry: Sensitivity, values: np.ndarray, settled: np.ndarray) -> 
 
 
 def _couplings(scenario: Scenario, columns: Columns) -> np.ndarray:
-    """c of every drawn body; the torque axes are the nominal ones."""
+    """Return c of every drawn body, about the nominal torque axes."""
     nominal = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     directions = torque_directions(believed_axes(scenario))
     scale = np.sqrt(1 + np.asarray(columns[f"{DRAWN}inertia"]))

@@ -1,4 +1,4 @@
-"""Which drift errors of the body leave in orbit, and whether laws for two torques balance it."""
+"""Drift in orbit by errors of the body, and whether laws for two torques can balance it."""
 
 import math
 from collections.abc import Iterator
@@ -17,16 +17,15 @@ from jaxsat.scenario.holding import RestDrift, rest_drift
 from jaxsat.scenario.quantities import inertia_matrix
 
 STEP = 1e-3
-"""Of the differences, in parts of a moment or rad."""
+"""Step of differences, relative to a moment or in rad."""
 
 LARGE = 2.576
 """Standard deviations within which 99 % of a normal distribution lie."""
 
 
 def lost_holds(scenario: Scenario) -> str | None:
-    """Sentences where the drift of over 1 % of the bodies within the dispersions cannot be
-    balanced, if it is normal and all bodies balance what the nominal one does; None elsewhere.
-    """
+    """Return sentences if over 1 % of the dispersed bodies drift beyond balance, else None. Drift
+    is taken as normal, and the limit as that of the nominal body."""
     if orbit_rate(scenario) == 0 or scenario.dispersion is None:
         return None
     nominal, spread = _nominal_drift(scenario), drift_spread(scenario)
@@ -46,8 +45,8 @@ def lost_holds(scenario: Scenario) -> str | None:
 
 
 def holds_last(scenario: Scenario) -> bool:
-    """Whether oscillations of the tolerated rate alone balance the drift of 99 % of the bodies
-    within the dispersions, if it is normal: no attitude has to be found and none is lost."""
+    """Whether oscillations of the tolerated rate balance the drift of 99 % of the dispersed bodies,
+    if it is normal, so that no balancing attitude is needed."""
     if orbit_rate(scenario) == 0:
         return True
     nominal, spread = _nominal_drift(scenario), drift_spread(scenario)
@@ -55,12 +54,11 @@ def holds_last(scenario: Scenario) -> bool:
 
 
 def _nominal_drift(scenario: Scenario) -> RestDrift:
-    """Of the body without dispersions."""
     return _drift(scenario, _inertia(scenario), believed_axes(scenario))
 
 
 def drift_spread(scenario: Scenario) -> float:
-    """Standard deviation (rad/s²) of the drift at rest over the dispersions of inertia and axes.
+    """Return the standard deviation (rad/s²) of the drift at rest over errors of inertia and axes.
 
     It is linear in their independent components: the root of the sum of squares.
     """
@@ -80,7 +78,7 @@ Body = tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3 2"]]
 def _changes(
     scenario: Scenario, inertia: Float[np.ndarray, "3 3"], axes: Float[np.ndarray, "3 2"]
 ) -> Iterator[tuple[float, Body, Body]]:
-    """Standard deviation of each component, and the body with `STEP` of it more and less."""
+    """Yield each component's standard deviation, and the body at plus and minus `STEP` of it."""
     table, unit = scenario.dispersion, np.eye(3)
     if table is None:
         return
@@ -106,7 +104,7 @@ def _changes(
 
 
 def _deviations(table: DistributionTable | None, count: int) -> Float[np.ndarray, " n"]:
-    """Standard deviations of the first `count` components of a distribution; zeros without one."""
+    """Return standard deviations of the first `count` components; zeros without a distribution."""
     if table is None:
         return np.zeros(count)
     if table.distribution == "discrete":

@@ -1,6 +1,6 @@
-"""What is asked of a design: the vehicle of a file, and how much is computed by which seeds.
+"""Input of a design: the vehicle of a file, requirements, numbers of cases and seeds.
 
-The file need not say more than what is left of the vehicle.
+The file need only describe the vehicle that is left.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -19,10 +19,10 @@ from jaxsat.scenario.overrides import override
 from jaxsat.scenario.read import given_keys, warn
 
 ALL, QUICK = "all", "quick"
-"""In place of a law: every law of jaxsat that fits, or those that are verified within minutes."""
+"""Names for every law of jaxsat that fits, and for those that are verified within minutes."""
 
 UNNAMED_LAW = "three-slew"
-"""Law of a scenario whose file names none; every key of it that is left out has a default."""
+"""Law of a scenario whose file names none; all its keys have defaults."""
 
 UNTIMED = 1.0
 """Duration (s) of a scenario whose file has none."""
@@ -39,12 +39,12 @@ _DEFAULTS: Mapping[str, tuple[tuple[str, ...], Any]] = {
     "simulation.duration_s": (("simulation.duration_s",), UNTIMED),
     "simulation.save_every_s": (("simulation.save_every_s",), 0.5),
 }
-"""Keys that may be left out, by any of which a file gives them, and what they are then; the title
-is the file's name."""
+"""Optional keys, the keys by which a file may give each, and the default; the title's is the file
+name."""
 
 
 class Vehicle(NamedTuple):
-    """A scenario to design for: the law that was asked for, and whether a duration was given."""
+    """A scenario to design for: the requested law, and whether a duration was given."""
 
     scenario: Scenario
     law: str
@@ -57,12 +57,12 @@ def read_vehicle(
     *,
     caution: Callable[[str], None] = warn,
 ) -> Vehicle:
-    """The scenario of a file whose vehicle is to get a controller.
+    """Read the scenario of a file whose vehicle is to get a controller.
 
-    What `jaxsat.load` needs and a vehicle does not have may be left out: title, orbit (inertial
-    pointing then), start (at rest in the target attitude), law (those of `QUICK`; so with "coast"),
-    duration. A body in orbit without `[disturbance]` and without wheels gets gravity gradient.
-    Raises `ScenarioError` and tells `caution` as `jaxsat.load` does.
+    Optional keys, in contrast to `jaxsat.load`: title, orbit (default: inertial pointing), start
+    (at rest in the target attitude), law (`QUICK`, also for "coast"), duration. A body in orbit
+    without `[disturbance]` and without wheels gets gravity gradient. Raises `ScenarioError` and
+    warns by `caution` as `jaxsat.load` does.
     """
     user_overrides = list(overrides)
     present = given_keys(name_or_path, user_overrides)
@@ -77,12 +77,12 @@ def read_vehicle(
 
 
 def law_asked_for(scenario: Scenario) -> str:
-    """The law that a scenario asks to design: its own, or `QUICK` where that is "coast"."""
+    """Return the law to design for a scenario: its own, or `QUICK` for "coast"."""
     return QUICK if scenario.control.law == "coast" else scenario.control.law
 
 
 def _has_unsaid_torques(present: set[str], in_orbit: bool) -> bool:
-    """Whether a body in orbit has no word on its disturbances; wheels would store their torque."""
+    """Whether a body in orbit has no table of disturbances; wheels would store their torque."""
     tables = {key.partition(".")[0] for key in present}
     return in_orbit and not tables & {"disturbance", "wheel"}
 
@@ -90,7 +90,7 @@ def _has_unsaid_torques(present: set[str], in_orbit: bool) -> bool:
 SCREENING_CASES, VALIDATION_CASES, SURE_CASES = 500, 1000, 2000
 
 MAX_SEED = 2**63 - 4
-"""The largest seed that leaves room for the three that follow it."""
+"""Largest seed that leaves room for the three that follow it."""
 
 Attitude = Literal["wanted", "nearest"]
 Goal = Literal["quickest", "settled"]
@@ -107,13 +107,13 @@ class Seeds(NamedTuple):
 
 @dataclass(frozen=True)
 class DesignSettings:
-    """What is asked of a design.
+    """Requirements and settings of a design.
 
     `law` is one law, "all" or "quick", `settled` the fraction of cases that must settle, `cases`
-    those of the verification, `steps` those of the tuner (0 leaves tuning out). With `attitude`
-    "nearest" the controller is designed for the nearest attitude that can be held. The `goal`
-    "quickest" is the quickest law of those that settle most; "settled" is done with the first one
-    that settles the required fraction with confidence. Raises `ArgumentError` for what cannot be.
+    those of the verification, `steps` those of the tuner (0 skips tuning). With `attitude`
+    "nearest" the target is the nearest attitude that can be held. The `goal` "quickest" is the
+    quickest law of those that settle most; "settled" ends with the first one that settles the
+    required fraction with confidence. Raises `ArgumentError` for invalid values.
     """
 
     law: str
@@ -140,21 +140,21 @@ class DesignSettings:
 
     @property
     def seeds(self) -> Seeds:
-        """The seeds of the steps: consecutive ones from `seed` on."""
+        """Seeds of the steps: consecutive ones from `seed` on."""
         return Seeds(*range(self.seed, self.seed + 4))
 
     @property
     def screening_cases(self) -> int:
-        """Cases on which candidates are screened, at most."""
+        """Largest number of cases in the screening."""
         return min(SCREENING_CASES if self.goal == "quickest" else SURE_CASES, self.cases)
 
     @property
     def validation_cases(self) -> int:
-        """Cases on which tuned gains must be better."""
+        """Number of cases on which tuned gains must be better."""
         return min(VALIDATION_CASES, self.cases)
 
     def identity(self) -> dict[str, Any]:
-        """What a folder is resumed by: all but the verification's size."""
+        """Settings by which a folder is resumed: all but the size of the verification."""
         return {
             "goal": self.goal,
             "settled": self.settled,

@@ -1,4 +1,4 @@
-"""What a design found, as objects and as plain data."""
+"""Results of a design, as objects and as plain data."""
 
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
@@ -23,23 +23,22 @@ DesignOutcome = Literal["reached", "not reached", "nothing to design"]
 
 
 class Step(NamedTuple):
-    """The candidates of a step on the same cases, and which to take."""
+    """Candidates of a step on the same cases, and the choice among them."""
 
     rows: tuple[ComparisonRow, ...]
     verdict: ComparisonVerdict
 
     def as_data(self) -> dict[str, Any]:
-        """The rows and the verdict as plain data."""
+        """Convert the rows and the verdict to plain data."""
         rows = [row.as_data() for row in self.rows]
         return {"rows": rows, "taken": self.verdict.law, "reason": self.verdict.reason}
 
 
 @dataclass(frozen=True)
 class DesignVerification:
-    """The chosen controller on cases that no step before has seen.
+    """The chosen controller on cases that no earlier step has seen.
 
-    `columns` are those of its study; `failing` numbers of the cases that do not settle, by which
-    each can be flown again alone.
+    `columns` are those of its study.
     """
 
     summary: Summary
@@ -49,12 +48,12 @@ class DesignVerification:
 
     @property
     def settled(self) -> Interval:
-        """The fraction that settles, with Wilson's interval."""
+        """Fraction that settles, with Wilson's interval."""
         return self.summary.settled
 
     @property
     def failing(self) -> list[int]:
-        """Numbers of the cases that do not settle."""
+        """Indices of the cases that do not settle, by which each can be flown again."""
         return np.flatnonzero(~np.isfinite(self.columns["settling_time"])).tolist()
 
     @property
@@ -74,11 +73,11 @@ class DesignVerification:
 
 @dataclass(frozen=True)
 class ControllerDesign:
-    """A controller for a vehicle, and the proof; or why there is none.
+    """A controller for a vehicle with its verification, or the reason why there is none.
 
     `outcome` is "reached" where at least the required fraction of the verification settles,
     `proven` whether the whole interval is above it. `scenario` is the designed one, None where
-    there is nothing to design; `left_out` says which laws do not fit and why.
+    there is nothing to design; `left_out` has the laws that do not fit, with reasons.
     """
 
     original: Scenario
@@ -96,7 +95,7 @@ class ControllerDesign:
 
     @property
     def misses_attitude(self) -> str | None:
-        """A sentence where the attitude of the design cannot be held, and what to do about it."""
+        """A sentence where the target attitude cannot be held, with the remedy."""
         if self.verdict.holds:
             return None
         if self.verdict.turn is None:
@@ -112,8 +111,8 @@ class ControllerDesign:
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Sentences on where the vehicle lies beyond what the laws are verified on, and on parts
-        that they may excite."""
+        """Sentences on vehicle parameters outside the verified domain, and on flexible parts that
+        laws may excite."""
         beyond = (
             f"{'.'.join(map(str, issue.location))} {issue.message}"
             for one in self.candidates
@@ -123,7 +122,7 @@ class ControllerDesign:
 
     @property
     def _lost_holds(self) -> tuple[str, ...]:
-        """Why errors of the body leave cases that no law here settles."""
+        """Sentences on errors of the body that leave cases unsettled under any law."""
         judgement = self.verdict.judgement
         if judgement.laws != "two torques" or self.original.wheel or not self.candidates:
             return ()
@@ -176,13 +175,13 @@ class ControllerDesign:
 
     @property
     def gains(self) -> dict[str, Any]:
-        """The gains that can be tuned, by the name of their key, each in its unit."""
+        """The tunable gains by key, each in its unit."""
         if self.chosen is None:
             return {}
         return {key: getattr(self.chosen.scenario.control, key) for key in self.chosen.tunable}
 
     def as_data(self) -> dict[str, Any]:
-        """Everything but single cases as plain data."""
+        """Convert everything but single cases to plain data."""
         return {
             "outcome": self.outcome,
             "proven": self.proven,
@@ -211,7 +210,7 @@ class ControllerDesign:
         }
 
     def tuning_data(self) -> dict[str, Any] | None:
-        """What tuning gave, or why it was skipped, as plain data; None without a candidate."""
+        """Convert tuning, or the reason why it was skipped, to plain data; or None."""
         if self.tuned is None:
             return {"left_out": self.not_tuned} if self.not_tuned else None
         state = self.tuned.state
@@ -242,7 +241,6 @@ class ControllerDesign:
         return plain_data(record)
 
     def _cause(self, change: str) -> str | None:
-        """Why it is so, where more is known than the number."""
         if "error of the axes" not in change or not self.original.thruster:
             return None
         return (

@@ -1,4 +1,4 @@
-"""A design in one call, with the folder of the way, every file whole: `design`."""
+"""A design in one call, with a folder of its results: `design`."""
 
 import json
 from dataclasses import replace
@@ -41,12 +41,12 @@ PAGE, RECORD = "design.md", "design.json"
 
 
 def design_record(design: ControllerDesign) -> dict[str, Any]:
-    """The record of a design, of which its document is made."""
+    """Return the record of a design, from which its document is made."""
     return {"title": design.original.title, "headline": design.headline, **design.as_data()}
 
 
 def design_comment(design: ControllerDesign, version: str) -> str:
-    """Lines for the head of the designed scenario: where it comes from and what it is proven on."""
+    """Return comment lines for the designed scenario: its origin and verification."""
     verification = design.verification
     assert verification is not None
     lines = [
@@ -72,7 +72,7 @@ def design_comment(design: ControllerDesign, version: str) -> str:
 
 
 def write_files(design: ControllerDesign, folder: ResumableFolder) -> None:
-    """The page, the designed scenario, the record as JSON, and figures."""
+    """Write the page, the designed scenario, the record as JSON, and figures."""
     folder.write(PAGE, markdown_page(design_document(design_record(design))))
     if design.scenario is not None:
         comment = design_comment(design, jaxsat.__version__)
@@ -122,7 +122,7 @@ def _laws_figure(design: ControllerDesign) -> "Figure":
 
 
 def _map_axes(design: ControllerDesign) -> "dict[str, DrawnNumber]":
-    """The two numbers on which settling depends most, or the cost where all cases settle."""
+    """Return the two numbers on which settling depends most, or the cost where all cases settle."""
     from jaxsat.report.study_figures import DrawnNumber
 
     verification = design.verification
@@ -151,17 +151,17 @@ _DERIVED = {
 
 
 KIND = "design"
-"""The kind of the output folder."""
+"""Kind of the output folder."""
 
 
 CASE = 400
-"""Bytes of a case in memory and on the disk, about."""
+"""Approximate bytes of a case in memory and on disk."""
 
 USUAL_DURATION = 1200.0
-"""Seconds of a case where the file has none, about."""
+"""Assumed duration of a case (s) where the file has none."""
 
 STUDIES = 4
-"""Candidates in all steps before the verification, about."""
+"""Approximate number of candidates in all steps before the verification."""
 
 
 def design(
@@ -178,20 +178,20 @@ def design(
     execution: Execution = Execution(),
     listener: Listener = Listener(),
 ) -> ControllerDesign:
-    """Design a controller for a vehicle, and verify it on cases never seen before.
+    """Design a controller for a vehicle, and verify it on unseen cases.
 
     The vehicle is one of `read_vehicle` or the scenario of one. `law` is the law to design, "all"
     for every law of jaxsat that fits, "quick" for those that are verified within minutes, None for
-    the vehicle's own ("quick" if that is "coast"). At least a fraction `settled` of `cases` cases
-    must settle; `steps` are those of the tuner, 0 for none. The seeds of the steps are `seed` (the
-    scenario's own if left out) and the three that follow. The first law's fraction of 500 cases is
-    a remark to the `listener` while the design goes on. With `attitude` "nearest" the target is the
-    nearest attitude that can be held. The `goal` "settled" is done with the first law that surely
-    settles the required fraction, and tunes only where none does. With `out` the design is kept in
-    that folder, as by `jaxsat design`, and the same call resumes it.
+    the vehicle's own ("quick" for "coast"). At least a fraction `settled` of `cases` cases must
+    settle; `steps` are those of the tuner, 0 for none. The seeds of the steps are `seed` (default:
+    the scenario's) and the three that follow. The first law's fraction of 500 cases is a remark to
+    the `listener` while the design goes on. With `attitude` "nearest" the target is the nearest
+    attitude that can be held. The `goal` "settled" ends with the first law that surely settles the
+    required fraction, and tunes only where none does. With `out` the design is kept in that folder,
+    as by `jaxsat design`, and the same call resumes it.
 
-    Raises `ValueError` for arguments that cannot be and `OutputError` for a folder that cannot be
-    used. A vehicle with nothing to design raises nothing: see `ControllerDesign.outcome`.
+    Raises `ValueError` for invalid arguments and `OutputError` for a folder that cannot be used. A
+    vehicle with nothing to design raises nothing: see `ControllerDesign.outcome`.
     """
     if isinstance(vehicle, Scenario):
         vehicle = Vehicle(vehicle, law_asked_for(vehicle), timed=True)
@@ -219,7 +219,6 @@ def design(
 
 
 def _work(vehicle: Vehicle, settings: DesignSettings) -> Work:
-    """What all steps take, about."""
     simulation, cases = vehicle.scenario.simulation, settings.cases
     trajectories = STUDIES * (SCREENING_CASES + VALIDATION_CASES) + cases
     trajectories += 8 * settings.steps * TUNED_CASES

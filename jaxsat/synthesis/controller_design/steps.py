@@ -1,4 +1,4 @@
-"""The steps of a design: verdict, candidates, screening, tuning, validation, verification."""
+"""Steps of a design: verdict, candidates, screening, tuning, validation, verification."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -37,7 +37,7 @@ Flight = tuple[Candidate, Columns]
 
 
 class Screening(NamedTuple):
-    """What the screening found: all candidates, and the one that is enough, if any."""
+    """Result of the screening: all candidates, and the first sufficient one, if any."""
 
     step: Step
     candidates: tuple[Candidate, ...]
@@ -46,7 +46,7 @@ class Screening(NamedTuple):
 
 @dataclass(frozen=True)
 class DesignRun:
-    """The steps of a design, each of which resumes what the folder has of it."""
+    """Run of the steps of a design, each resumed from its folder."""
 
     original: Scenario
     settings: DesignSettings
@@ -54,7 +54,7 @@ class DesignRun:
     timed: bool = True
 
     def run(self) -> ControllerDesign:
-        """All steps, as far as there is something to design."""
+        """Run all steps, as far as there is something to design."""
         self.studies.listener.progress("verdict on the actuators left", None)
         verdict = vehicle_verdict(self.original)
         self.studies.listener.remark(verdict.lines()[0])
@@ -95,7 +95,6 @@ class DesignRun:
         )
 
     def _target_scenario(self, verdict: VehicleVerdict) -> Scenario:
-        """The scenario with the attitude that is designed for."""
         if self.settings.attitude == "wanted" or verdict.turn is None or not any(verdict.turn):
             return self.original
         return turned(self.original, verdict.turn)
@@ -103,7 +102,7 @@ class DesignRun:
     def _candidates(
         self, scenario: Scenario, verdict: VehicleVerdict
     ) -> tuple[Fitting, tuple[str, ...]]:
-        """The laws that fit, and what was assumed of the first that does."""
+        """Return the laws that fit, and the assumptions made for the first."""
         assumptions: list[tuple[str, ...]] = []
 
         def complete(under_law: Scenario, scale: Scale) -> Scenario:
@@ -115,10 +114,9 @@ class DesignRun:
         return fitting, assumptions[0] if assumptions else ()
 
     def _screening(self, fitting: tuple[Candidate, ...]) -> Screening:
-        """The candidates on the same cases, and the first that is enough where one is asked for.
+        """Fly the candidates on the same cases, up to a sufficient one if the goal is settling.
 
-        Where settling is the goal and no candidate settles the required fraction with
-        confidence, each flies once more with a larger end game.
+        With that goal, without such a candidate, each flies again with a larger end game.
         """
         if self.settings.goal == "quickest":
             flights = list(self._announce_first(self._fly("screening", 2, fitting)))
@@ -133,17 +131,16 @@ class DesignRun:
         return Screening(self._compare("screening", flights), candidates, enough)
 
     def _announce_first(self, flights: Iterator[Flight]) -> Iterator[Flight]:
-        """The flights as they are; the first one is the first answer."""
         for number, (candidate, columns) in enumerate(flights):
             if number == 0:
                 self.studies.listener.remark(first_answer(candidate.name, columns))
             yield candidate, columns
 
     def _validation(self, contenders: tuple[Candidate, ...]) -> tuple[Step, tuple[Candidate, ...]]:
-        """The contenders on the same cases, and all that flew there.
+        """Fly the contenders on the same cases; return the step and all that flew.
 
-        Where none settles the required fraction with confidence, each flies once more with a
-        larger end game, as in the screening where settling is the goal.
+        Where none settles the required fraction with confidence, each flies once more with a larger
+        end game, as in the screening where settling is the goal.
         """
         flights = list(self._fly("validation", 4, contenders))
         level = 1 - (1 - LEVEL) / len(contenders)
@@ -155,9 +152,9 @@ class DesignRun:
         return self._compare("validation", flights), contenders
 
     def _compare(self, step: str, flights: list[Flight]) -> Step:
-        """The candidates on the cases that all of them flew, under one torque limit.
+        """Compare the candidates on the cases that all of them flew, under one torque limit.
 
-        The quickest is taken of those that settle the required fraction; the surest if none does,
+        The quickest is chosen of those that settle the required fraction; the surest if none does,
         or where settling is the goal.
         """
         torque = scale_of(flights[0][0].scenario).torque
@@ -178,7 +175,6 @@ class DesignRun:
         candidates: tuple[Candidate, ...],
         rule: WhenDecided | None = None,
     ) -> Iterator[Flight]:
-        """Every candidate with its columns, flown when asked for."""
         count = getattr(self.settings, f"{step}_cases")
         seed = getattr(self.settings.seeds, step)
         for place, one in enumerate(candidates, 1):
@@ -187,7 +183,6 @@ class DesignRun:
             yield one, self.studies.columns(what, name, one.scenario, count, seed, rule)
 
     def _tune(self, screening: Step, best: Candidate) -> tuple[Tuned | None, str | None]:
-        """The best candidate with tuned gains, or why it has none."""
         if not self.settings.steps:
             return None, "no steps were requested"
         row = next(row for row in screening.rows if row.setting.law == best.name)
@@ -206,7 +201,7 @@ class DesignRun:
             return None, f"{best.name} cannot be tuned: {error}"
 
     def _ready(self, chosen: Candidate) -> Scenario:
-        """The scenario for every command: gains written out, and how they can be tuned again."""
+        """Return the final scenario: gains written out, and a table to tune them again."""
         scenario = written_out(chosen.scenario)
         changes: dict[str, Any] = {"title": f"{self.original.title[:150]}, designed"}
         if chosen.tunable:
@@ -222,7 +217,7 @@ class DesignRun:
     def _verification(
         self, chosen: Candidate, others: tuple[Candidate, ...], verdict: VehicleVerdict
     ) -> DesignVerification:
-        """The chosen controller on unseen cases; where too few settle, why."""
+        """Fly the chosen controller on unseen cases; where too few settle, find the causes."""
         settings, count = self.settings, self.settings.cases
         seed = settings.seeds.verification
         name = f"verification-{chosen.name}"
@@ -245,7 +240,7 @@ class DesignRun:
         verdict: VehicleVerdict,
         columns: Columns,
     ) -> tuple[Remedy, ...]:
-        """How many of the failing cases settle with one thing changed, each flown again."""
+        """Fly the failing cases again with one change each, and count those that settle."""
         failing = np.flatnonzero(~np.isfinite(columns["settling_time"]))[:MOST_FLOWN]
         count, seed = self.settings.cases, self.settings.seeds.verification
         measurements = []
@@ -266,7 +261,7 @@ class DesignRun:
 def _up_to_enough(
     flights: Iterator[Flight], rule: WhenDecided
 ) -> tuple[list[Flight], Candidate | None]:
-    """The flights up to the first law that settles the required fraction, and that law."""
+    """Return the flights up to the first sufficient law, and that law."""
     first_flights = []
     for candidate, columns in flights:
         first_flights.append((candidate, columns))
@@ -276,7 +271,6 @@ def _up_to_enough(
 
 
 def _settled_of(columns: Columns) -> tuple[int, int]:
-    """How many cases settle, and how many there are."""
     times = columns["settling_time"]
     return int(np.isfinite(times).sum()), len(times)
 
@@ -284,7 +278,7 @@ def _settled_of(columns: Columns) -> tuple[int, int]:
 def _contenders(
     candidates: tuple[Candidate, ...], screening: Step, tuned: Tuned | None
 ) -> tuple[Candidate, ...]:
-    """The candidates that may be surest by the few cases of the screening, and the tuned one."""
+    """Return the candidates that may be surest by the screening's few cases, and the tuned one."""
     top = max(screening.rows, key=lambda row: (row.settled.value, -row.t50.value))
     rows = {row.setting.law: row for row in screening.rows}
     contenders = [one for one in candidates if not settles_fewer(rows[one.name], top)]

@@ -1,4 +1,4 @@
-"""The Monte-Carlo studies of a design, kept in its folder, and single cases flown again."""
+"""Monte-Carlo studies of a design in its folder, and re-flights of single cases."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,17 +19,17 @@ from jaxsat.synthesis.controller_design.candidates import Candidate
 from jaxsat.synthesis.execution import Execution, Listener, run_columns
 
 CHUNK = 256
-"""Cases computed together: what an interrupted design loses at most, for each thread."""
+"""Cases computed together: the largest loss per thread when a design is interrupted."""
 
 RULED_CHUNK = 128
-"""Cases computed together where a rule stops: 640 that settle show that 99 % do, of one law."""
+"""Cases computed together under a stop rule: 640 settled cases show 99 % of one law."""
 
 Columns = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)
 class Studies:
-    """Runs studies into stores of a folder, or what these lack."""
+    """Studies with their stores in a folder, of which only missing cases are run."""
 
     folder: ResumableFolder
     execution: Execution = Execution()
@@ -44,9 +44,9 @@ class Studies:
         seed: int,
         until: AbstractStopRule | None = None,
     ) -> Columns:
-        """The columns of `count` cases of a scenario, or as many as `until` asks for.
+        """Return the columns of `count` cases of a scenario, or as many as `until` requires.
 
-        `what` is the step in words, `name` its name.
+        `what` describes the step, `name` names the store.
         """
         self.listener.progress(what, None)
         chunk = CHUNK if until is None else RULED_CHUNK
@@ -57,7 +57,7 @@ class Studies:
     def settled_again(
         self, what: str, scenario: Scenario, count: int, seed: int, numbers: np.ndarray
     ) -> np.ndarray:
-        """Which of these cases of a study of `count` cases settle, flown in another scenario."""
+        """Fly these cases of a study of `count` cases in another scenario; return which settle."""
         self.listener.progress(what, None)
         study = build_study(scenario, count, seed=seed, engine=self.execution.engine)
         parts = [numbers[first : first + CHUNK] for first in range(0, len(numbers), CHUNK)]
@@ -69,7 +69,7 @@ class Studies:
 
 
 def first_answer(name: str, columns: Columns) -> str:
-    """What the first law does in the screening, in one sentence, while the design goes on."""
+    """Return a sentence on the first law in the screening, while the design goes on."""
     times = np.asarray(columns["settling_time"])
     fraction = wilson(int(np.isfinite(times).sum()), len(times))
     half = percentile(times, 50.0).value
@@ -81,6 +81,6 @@ def first_answer(name: str, columns: Columns) -> str:
 
 
 def row_of(step: str, torque: float, candidate: Candidate, columns: Columns) -> ComparisonRow:
-    """What a candidate did in one step, as a row by which laws are compared."""
+    """Return the results of a candidate in one step as a row for comparison."""
     setting = ComparisonSetting(step, torque, candidate.name)
     return comparison_row(setting, columns, prices=prices_of(candidate.scenario, columns))

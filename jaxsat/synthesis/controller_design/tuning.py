@@ -21,29 +21,29 @@ from jaxsat.synthesis.tuning.plan import TuningPlan
 from jaxsat.synthesis.tuning.run import run_descent
 
 FOLDER = "tuning"
-"""Folder of the tuner inside the output folder."""
+"""Subfolder of the tuner in the output folder."""
 
 TUNED = ", tuned"
-"""Ending of the name of a candidate whose gains were tuned."""
+"""Suffix of the name of a candidate with tuned gains."""
 
 RANGE = 3.0
-"""Bounds of a gain are its value times and over this."""
+"""Bounds of a gain are its value times and over this factor."""
 
 TUNED_CASES = 96
 """Cases of a step."""
 
 VALIDATION_CASES, VALIDATE_EVERY = 256, 4
-"""Cases by which the best iterate is chosen, and steps between two choices."""
+"""Cases for choosing the best iterate, and steps between two choices."""
 
 SEARCHED_STARTS = 6
 """Points of a step of the search without derivatives."""
 
 TAIL = 2.5
-"""A case is tuned for this many times the time within which nine tenths settle."""
+"""Duration of a case in tuning, over the time within which nine tenths settle."""
 
 
 class Tuned(NamedTuple):
-    """What the descent came to."""
+    """Result of a descent."""
 
     candidate: Candidate
     plan: TuningPlan
@@ -51,7 +51,7 @@ class Tuned(NamedTuple):
 
     @property
     def loss_before(self) -> float:
-        """The loss of the first gains on the tuner's own validation cases."""
+        """Loss of the initial gains on the tuner's own validation cases."""
         return float(np.min(self.state.validations[0].loss))
 
     @property
@@ -61,12 +61,12 @@ class Tuned(NamedTuple):
 
 
 def tuning_table(scenario: Scenario, scale: Scale, steps: int, validation: int) -> TuningTable:
-    """Every gain that is one number above zero, and a cost that counts settling most.
+    """Return a table with every positive scalar gain, and a cost dominated by settling.
 
-    Of a law without derivatives the gains that it declares for that, by a search without them.
+    For a law without derivatives the gains are those that it declares for a search without them.
 
-    Weights of rates and torques are those of `oscillatory-dispersed`, scaled. A `[tuning]` table of
-    the scenario's own keeps its gains, bounds and cost.
+    Weights of rates and torques are those of `oscillatory-dispersed`, scaled. A scenario's own
+    `[tuning]` table keeps its gains, bounds and cost.
     """
     budget = {
         "steps": steps,
@@ -110,9 +110,9 @@ def tune_candidate(
     studies: Studies,
     what: str,
 ) -> Tuned:
-    """Descend from a candidate's gains; resumes what the folder of the studies has of it.
+    """Descend from a candidate's gains; resumes the descent in the folder of the studies.
 
-    `what` is its name in progress reports. `row` is the candidate's in the screening. Raises
+    `what` is its name in progress reports, `row` the candidate's in the screening. Raises
     `ValueError` where it cannot be tuned.
     """
     explicit = written_out(candidate.scenario)
@@ -130,7 +130,7 @@ def tune_candidate(
 
 
 def _shorten(scenario: Scenario, row: ComparisonRow, table: TuningTable, seed: int) -> Scenario:
-    """The scenario with a horizon in which most cases settle, so that little is flown at rest."""
+    """Shorten the scenario to a horizon in which most cases settle."""
     simulation = scenario.simulation
     save, whole = simulation.save_every_s, simulation.duration_s
     enough = TAIL * row.t90.value

@@ -1,6 +1,6 @@
-"""What is left of a vehicle: its verdict, what attitude it can hold, and its unit of time.
+"""Capability of a vehicle with failures: verdict, attitudes that it can hold, unit of time.
 
-`turned` is the same vehicle with another attitude as the target.
+`turned` is the same vehicle with another target attitude.
 """
 
 import math
@@ -35,18 +35,17 @@ DRAWN_FAILURES = ("failure_time", "failed_thruster", "failure_kind", "failure_am
 
 
 class UnsuitableVehicle(JaxsatError, ValueError):
-    """A vehicle for which a controller cannot be designed before its scenario says more."""
+    """A vehicle for which no controller can be designed until its scenario is completed."""
 
 
 @dataclass(frozen=True)
 class VehicleVerdict:
-    """What is left of the actuators, and what attitude they can hold.
+    """Verdict on the remaining actuators, and the attitude that they can hold.
 
-    `lost` is what the failures took away, `turn` the rotation vector (rad, body axes) from the
-    wanted attitude to the nearest one that can be held without torque about the axis that nothing,
-    or no wheel, drives: zeros where the target can be, None where none can. `balance` tells of
-    the torque of the environment about that axis, `in_flight` of failures that strike later,
-    `orbit` whether gravity gradient acts.
+    `lost` is the loss by failures, `turn` the rotation vector (rad, body axes) from the target to
+    the nearest attitude that can be held without torque about the undriven axis: zeros where the
+    target can be, None where none can. `balance` describes the environmental torque about that
+    axis, `in_flight` later failures, `orbit` whether gravity gradient acts.
     """
 
     judgement: Judgement
@@ -58,20 +57,19 @@ class VehicleVerdict:
 
     @property
     def holds(self) -> bool:
-        """Whether the target attitude can be held, to within what settling allows."""
+        """Whether the target attitude can be held within the tolerances of settling."""
         if self.judgement.laws == "three torques":
             return True
         return self.turn is not None and max(map(abs, self.turn)) <= HELD_TURN
 
     @property
     def _need(self) -> str:
-        """What the target attitude needs and actuators do not give."""
         if self.judgement.laws == "nearest attitude":
             return "another momentum about the axis that no wheel drives"
         return "a torque about the unactuated axis"
 
     def lines(self) -> list[str]:
-        """The verdict for a person, a sentence each."""
+        """Return the verdict as sentences."""
         sentences = [verdict_sentence(self.judgement)]
         sentences.append(f"Lost through the failures: {self.lost}.")
         sentences.append(f"Laws: {LEFT[self.judgement.laws].words}.")
@@ -92,7 +90,7 @@ class VehicleVerdict:
 class Scale(NamedTuple):
     """Reference moment of inertia J0 (kg m²), torque (N m) and unit of time τ = √(J0/T) (s).
 
-    `moments` are those about the two axes with torques, reduced as in `normal_axes`.
+    `moments` are those about the two driven axes, reduced as in `normal_axes`.
     """
 
     moments: tuple[float, float]
@@ -110,7 +108,7 @@ class Scale(NamedTuple):
 
 
 def require_judged(scenario: Scenario) -> None:
-    """Raise `UnsuitableVehicle` for actuators that the verdict does not count."""
+    """Raise `UnsuitableVehicle` for actuators that the verdict does not include."""
     counted = [one.name for one in ACTUATORS if one.judged]
     for one in ACTUATORS:
         if getattr(scenario, one.name) and one.name not in counted:
@@ -121,7 +119,7 @@ def require_judged(scenario: Scenario) -> None:
 
 
 def vehicle_verdict(scenario: Scenario) -> VehicleVerdict:
-    """The verdict on the actuators that work at the start; raises as `require_judged`."""
+    """Return the verdict on the actuators that work at the start; raises as `require_judged`."""
     require_judged(scenario)
     judgement, balance = judge_scenario(scenario), undriven_balance(scenario)
     return VehicleVerdict(
@@ -135,7 +133,7 @@ def vehicle_verdict(scenario: Scenario) -> VehicleVerdict:
 
 
 def scale_of(scenario: Scenario) -> Scale:
-    """The scale of a scenario that has the law to be flown, by which its gains are dimensionless.
+    """Return the scale that makes the gains of a scenario's law dimensionless.
 
     Raises `UnsuitableVehicle` where no torque limit is known.
     """
@@ -156,15 +154,15 @@ def scale_of(scenario: Scenario) -> Scale:
 
 
 def coupling(inertia: np.ndarray, directions: np.ndarray) -> float:
-    """c = (S1 - S2) / n·Jn of a body (3, 3) with torques about two directions (3, 2)."""
+    """Return c = (S1 - S2) / n·Jn of a body (3, 3) with torques about two directions (3, 2)."""
     _, (first, second, along) = normal_axes(inertia, directions)
     return (first - second) / along
 
 
 def _held_turn(scenario: Scenario, judgement: Judgement) -> tuple[float, float, float] | None:
-    """The turn to the nearest attitude that can be held; None where there is none.
+    """Return the rotation to the nearest attitude that can be held; None where there is none.
 
-    It balances the torques about the axis without one; wheels, which store them, hold all.
+    It balances the torques about the undriven axis; wheels, which store them, hold any attitude.
     """
     zero = (0.0, 0.0, 0.0)
     if (by_wheels := turn_to_held(scenario, judgement)) is not None:
@@ -179,7 +177,6 @@ def _held_turn(scenario: Scenario, judgement: Judgement) -> tuple[float, float, 
 
 
 def _orbit_lines(scenario: Scenario) -> tuple[str, ...]:
-    """Whether a body in orbit is flown with gravity gradient."""
     if orbit_rate(scenario) == 0:
         return ()
     if scenario.disturbance.gravity_gradient:
@@ -190,7 +187,6 @@ def _orbit_lines(scenario: Scenario) -> tuple[str, ...]:
 
 
 def _in_flight(scenario: Scenario) -> tuple[str, ...]:
-    """What is supported of failures that strike later."""
     if not scenario.failure:
         return ()
     drawn_quantities = [name for name in DRAWN_FAILURES if getattr(scenario.dispersion, name, None)]
@@ -219,7 +215,7 @@ VECTORS: Mapping[str, Sequence[str]] = {
 def entries(
     data: Mapping[str, Any], keys: Mapping[str, Sequence[str]]
 ) -> Iterator[tuple[dict[str, Any], str]]:
-    """Each table of a dumped scenario that has one of these `keys`, by table, with the key."""
+    """Yield each table of a dumped scenario that has one of these `keys`, with the key."""
     for name, of_table in keys.items():
         tables = data.get(name, ())
         for table in [tables] if isinstance(tables, dict) else tables:
@@ -227,11 +223,11 @@ def entries(
 
 
 def turned(scenario: Scenario, turn: Sequence[float]) -> Scenario:
-    """The scenario in the body axes in which the attitude turned by `turn` is the orbit frame's.
+    """Return the scenario in body axes turned such that the attitude `turn` is the new target.
 
     `turn` (rad) is the rotation vector from the orbit frame to that attitude. Vectors and inertia
-    are turned; numbers of single axes (amplitudes of the periodic torque, dispersions) stay with
-    the axes of their number.
+    are rotated; numbers of single axes (amplitudes of the periodic torque, dispersions) keep their
+    axis number.
     """
     from scipy.spatial.transform import Rotation  # slow to import, and seldom needed
 

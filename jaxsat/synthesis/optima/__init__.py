@@ -1,1 +1,1 @@
-"""How good control can get: least time and least effort of a manoeuvre, found open loop."""
+"""Open-loop optima: least time and least effort of a manoeuvre."""

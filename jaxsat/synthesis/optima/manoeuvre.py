@@ -1,4 +1,4 @@
-"""The manoeuvre whose bounds are sought, as plain numbers."""
+"""Manoeuvre whose optimum is sought, as plain numbers."""
 
 import math
 from dataclasses import dataclass
@@ -25,20 +25,20 @@ from jaxsat.spacecraft.environment.orbit import SmallAngleOrbit
 Vector = Float[np.ndarray, "3"]
 
 End = Literal["settled", "rest"]
-"""Where a manoeuvre ends: where a case begins to count as settled, or exactly at rest."""
+"""End of a manoeuvre: where a case counts as settled, or exactly at rest."""
 
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """From a start to rest in the orbit frame, or near it, as fast or as cheaply as thrusters can.
+    """Manoeuvre from a start to rest in the orbit frame, or within tolerances of it.
 
-    `inertia` (3, 3) in kg m², `torque_axes` (3, m) of thrusters that each make up to `limit` N m
-    of either sign, `orbit_rate` ω0 in rad/s. The start is a unit quaternion from the orbit to the
-    body frame, scalar first, and ω in rad/s. The disturbance is (2) plus a constant, N m, and the
+    `inertia` (3, 3) in kg m², `torque_axes` (3, m) of thrusters that each make up to `limit` N m of
+    either sign, `orbit_rate` ω0 in rad/s. The start is a unit quaternion from the orbit to the body
+    frame, scalar first, and ω in rad/s. The disturbance is (2) plus a constant, N m, and the
     gravity gradient of an orbit at `gradient_rate` rad/s. With `small_angle` (11) has the identity
-    in place of C_bo; with `third_rate_held` an ideal torque keeps ω3 as it is. With `rates_only` it
+    in place of C_bo; with `third_rate_held` an ideal torque keeps ω3 constant. With `rates_only` it
     ends at ω = 0 in any attitude. `end` is the largest tilt and turn (rad) and relative rate
-    (rad/s) in which it may end, zero for rest.
+    (rad/s) at the end, zero for rest.
     """
 
     inertia: Float[np.ndarray, "3 3"]
@@ -71,7 +71,7 @@ class Manoeuvre:
         return not any(self.end)
 
     def disturbance(self, t: float) -> Vector:
-        """(2) at time `t` (s) plus the constant, N m."""
+        """Return (2) at time `t` (s) plus the constant, N m."""
         return self.amplitude * np.sin(self.frequency * t + self.phase) + self.constant
 
     @property
@@ -80,11 +80,11 @@ class Manoeuvre:
         return math.sqrt(float(np.trace(self.inertia)) / 3 / self.limit)
 
     def time_unit(self) -> float:
-        """√(J/T) with the largest moment of inertia about a body axis and the torque limit, s."""
+        """Return √(J/T) of the largest moment about a body axis and the torque limit, s."""
         return math.sqrt(np.diag(self.inertia).max() / self.limit)
 
     def slew_time(self) -> float:
-        """Seconds for the tilt and turn of the start as one slew with one thruster."""
+        """Return the duration (s) of one slew by one thruster through the start's tilt and turn."""
         angle = 2 * math.acos(min(1.0, abs(float(self.quaternion[0]))))
         angle = math.pi if self.rates_only else angle  # as many rates take a turn to stop
         stop = float(np.abs(self.inertia @ self.omega).max()) / self.limit
@@ -92,7 +92,7 @@ class Manoeuvre:
 
 
 def ideal_thrusters(plant: RigidBody) -> Actuators | None:
-    """The thrusters of a body that make their torque exactly; None with other effectors, or none"""
+    """Return the thrusters of a body if they are ideal and its only effectors, else None."""
     alone = plant.effectors[0] if len(plant.effectors) == 1 else None
     return alone if isinstance(alone, Actuators) else None
 
@@ -103,12 +103,12 @@ def manoeuvre_of(
     rates_only: bool = False,
     tolerances: Tolerances | None = None,
 ) -> Manoeuvre:
-    """The manoeuvre that a closed loop has to do from a start, whatever its controller.
+    """Return the manoeuvre of a closed loop from a start, whatever its controller.
 
-    With `rates_only` it is to stop the rotation, in whatever attitude. It ends within `tolerances`
-    or, without them, at rest.
+    With `rates_only` it stops the rotation in any attitude. It ends within `tolerances` or, without
+    them, at rest.
 
-    Raises `ValueError` where the thrusters have no limit, or a disturbance is not one of jaxsat's.
+    Raises `ValueError` where the thrusters have no limit, or for a plug-in disturbance.
     """
     plant = loop.plant
     if not isinstance(loop, ContinuousLoop | SampledLoop):

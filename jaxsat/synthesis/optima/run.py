@@ -1,4 +1,4 @@
-"""The least time or effort of a scenario's manoeuvre in one call: `bound`."""
+"""Least time or effort of a scenario's manoeuvre in one call: `bound`."""
 
 import math
 from collections.abc import Callable
@@ -16,13 +16,13 @@ from jaxsat.synthesis.optima.search import Bound, best_of_starts, plans_of
 from jaxsat.synthesis.optima.transcription import SHORTEST, BoundObjective
 
 Report = Callable[[str], None]
-"""Called with what runs and how far it is."""
+"""Callback for progress messages."""
 
 
 class UnsuitableScenario(JaxsatError, ValueError):
-    """A scenario of which a bound or a front cannot be found; the message names its key.
+    """A scenario without a computable bound or front; the message names its key.
 
-    `lacking` says that the key is not there and may be given.
+    `lacking` says that the key is missing and may be given.
     """
 
     lacking: bool
@@ -49,14 +49,13 @@ def bound(
     seed: int = 0,
     report: Report = lambda what: None,
 ) -> Bound | None:
-    """The least time (s) or effort (N m s) from a scenario's start to its target; None if no start
-    of the search arrives.
+    """Return the least time (s) or effort (N m s) from a scenario's start to its target, or None.
 
-    The scenario has a torque limit and thrusters that make a torque of either sign; its law does
-    not matter. The `target` is rest in the orbit frame, or "rates" alone; the manoeuvre ends within
-    the scenario's tolerances, or exactly there. `longest` (s) bounds the duration, by default the
-    scenario's. Raises `UnsuitableScenario`, `UnsolvedBound`, and `ModuleNotFoundError` without
-    CasADi.
+    None means that no start of the search arrives. The scenario has a torque limit and thrusters
+    that make a torque of either sign; its law does not matter. The `target` is rest in the orbit
+    frame, or "rates" alone; the manoeuvre ends within the scenario's tolerances, or exactly there.
+    `longest` (s) bounds the duration, by default the scenario's. Raises `UnsuitableScenario`,
+    `UnsolvedBound`, and `ModuleNotFoundError` without CasADi.
     """
     rates_only, tolerances = target == "rates", tolerances_at(scenario, end)
     manoeuvre = required_manoeuvre(scenario, tolerances, rates_only=rates_only)
@@ -89,7 +88,7 @@ def search_bound(
     seed: int,
     report: Report,
 ) -> Bound | None:
-    """The best of several starts, and of the plans for the `problem`, a loop and its start.
+    """Return the best of several starts, and of the plans for the `problem`, a loop and its start.
 
     Raises `UnsolvedBound`.
     """
@@ -119,7 +118,7 @@ def search_bound(
 def required_manoeuvre(
     scenario: Scenario, tolerances: Tolerances | None = None, *, rates_only: bool = False
 ) -> Manoeuvre:
-    """The manoeuvre of a scenario; raises `UnsuitableScenario` for one that cannot be bounded."""
+    """Return a scenario's manoeuvre; raises `UnsuitableScenario` for one without bound."""
     require_ideal_thrusters(scenario, "a bound")
     loop, start = build_uncontrolled(scenario)
     try:
@@ -129,7 +128,7 @@ def required_manoeuvre(
 
 
 def require_ideal_thrusters(scenario: Scenario, what: str) -> None:
-    """Raise `UnsuitableScenario` without the limited thrusters of any torque that `what` needs."""
+    """Raise `UnsuitableScenario` without limited ideal thrusters, which `what` needs."""
     names = [one.name for one in PARTS]
     counts = {kind: len(getattr(scenario, kind)) for kind in names}
     for kind, count in counts.items():
@@ -152,17 +151,17 @@ def require_ideal_thrusters(scenario: Scenario, what: str) -> None:
 
 
 def tolerances_at(scenario: Scenario, end: End) -> Tolerances | None:
-    """The tolerances of the scenario, or None for an end exactly at rest."""
+    """Return the tolerances of the scenario, or None for an end exactly at rest."""
     return build_tolerances(scenario) if end == "settled" else None
 
 
 def end_text(tolerances: Tolerances | None, attitude: bool = True) -> str:
-    """What a manoeuvre ends at, in a line."""
+    """Describe the end of a manoeuvre."""
     if tolerances is None:
         return "exactly at rest"
     return f"settled, {tolerances.limits_text(attitude)}"
 
 
 def end_data(end: End, tolerances: Tolerances | None) -> dict[str, Any]:
-    """The end of a manoeuvre, and what it means, as plain data."""
+    """Return the end of a manoeuvre, with its description, as plain data."""
     return {"end": end, "end_meaning": end_text(tolerances)}

@@ -1,6 +1,6 @@
-"""The best of several starts, plans of `jaxsat.control.planning` among them, each flown again.
+"""Search from several starts, plans of `jaxsat.control.planning` among them.
 
-What is found is a local optimum each time. It is flown by an integrator and equations of its own.
+Each result is a local optimum, flown again with independent integrator and equations.
 """
 
 import dataclasses
@@ -23,18 +23,18 @@ from jaxsat.synthesis.optima.transcription import BoundObjective, BoundTranscrip
 TOLERANCE = 1e-11
 
 MAX_ANGLE = 1e-4
-"""A flight arrives at rest if it ends so near it, in rad and in rad per τ of the manoeuvre."""
+"""Errors of a flight that arrives at rest, in rad and in rad per τ of the manoeuvre."""
 
 MAX_EXCESS = 0.01
-"""A flight arrives within tolerances if it exceeds none of them by more than this part."""
+"""Relative excess over tolerances with which a flight still arrives."""
 
 
 class EndError(NamedTuple):
-    """How far from the target a flight ends, in angle (rad) and relative rate (rad/s).
+    """Distance from the target at the end of a flight, in angle (rad) and relative rate (rad/s).
 
-    The rate is that in inertial axes where rates alone are to be stopped.
-    `effort` is ∫ Σ|T_i| dt (N m s) and `largest_thrust` the largest of any thruster (N m). `tilt`
-    and `turn` (rad) are the parts of the angle across and about the third axis.
+    The rate is inertial where rates alone are to be stopped. `effort` is ∫ Σ|T_i| dt (N m s) and
+    `largest_thrust` the largest of any thruster (N m). `tilt` and `turn` (rad) are the parts of the
+    angle across and about the third axis.
     """
 
     angle: float
@@ -110,16 +110,16 @@ def _cosines(quaternion: np.ndarray) -> np.ndarray:
 
 
 INTERVALS = 96
-"""Twice those of a plan, so that each plan is among the solutions."""
+"""Intervals: twice those of a plan, so that each plan is among the solutions."""
 
 ROUNDING = 1e-6
-"""Relative excess over the longest duration that is allowed; IPOPT exceeds bounds by less."""
+"""Relative excess over the longest duration; IPOPT exceeds bounds by less."""
 
 
 class Bound(NamedTuple):
-    """The best solution found, its own flight, and the values of all local optima, best first.
+    """The best solution, its verification flight, and the values of all local optima, best first.
 
-    Not certified: no start found a better one, which proves nothing.
+    It is not certified: that no start led to a better one proves nothing.
     """
 
     objective: BoundObjective
@@ -129,7 +129,7 @@ class Bound(NamedTuple):
     values: list[float]
 
     def as_data(self) -> dict[str, Any]:
-        """The bound and its flight as plain data."""
+        """Convert the bound and its flight to plain data."""
         return {
             "objective": self.objective.value,
             "value": self.solution.value,
@@ -153,10 +153,10 @@ def best_of_starts(
     plans: Sequence[Solution] = (),
     report: Callable[[int, float], None] | None = None,
 ) -> Bound | None:
-    """The best local optimum from `plans` and `starts` random guesses, or None where none arrives.
+    """Return the best local optimum from `plans` and `starts` random guesses; None if none arrives.
 
-    It is never above that of a plan. `longest` (s) bounds the duration. `report` gets the number
-    of starts done and the best value so far. Raises `ValueError` for no starts and
+    Its value is never above that of a plan. `longest` (s) bounds the duration. `report` gets the
+    number of completed starts and the best value so far. Raises `ValueError` for no starts and
     `ModuleNotFoundError` without CasADi.
     """
     require_counts(starts=starts)
@@ -202,11 +202,10 @@ def plans_of(
     longest: float,
     tolerances: Tolerances | None = None,
 ) -> list[Solution]:
-    """The plan of least time and, for least effort, those in some durations up to `longest` (s).
+    """Return the plan of least time and, for least effort, plans of durations up to `longest` (s).
 
-    They end within `tolerances` or, without them, at rest; so does a further one. None where the
-    planner has nothing to offer: with less than two thrusters, for a third rate that is held, and
-    where no plan arrives.
+    They end within `tolerances` or, without them, at rest; another one ends at rest in any case.
+    Empty with less than two thrusters, for a third rate that is held, and where no plan arrives.
     """
     planner = _planner(loop, tolerances)
     if planner is None:
@@ -221,10 +220,7 @@ def plans_of(
 
 
 def quickest_plans(planner: Planner, start: PlantState) -> list[Plan]:
-    """The plan of least time, and that to rest where it may end within tolerances: it settles, too.
-
-    The first is that of the planner as it is.
-    """
+    """Return the plan of least time and, with tolerances, also that to exact rest."""
     planners = [planner]
     if planner.tolerances is not None:
         planners.append(dataclasses.replace(planner, tolerances=None))
@@ -237,7 +233,7 @@ def _quickest(planner: Planner, start: PlantState) -> Plan:
 
 
 def solution_of(plan: Plan) -> Solution:
-    """A plan as what a search finds, its duration as its value."""
+    """Convert a plan to a solution with its duration as value."""
     states = np.concatenate([plan.quaternion, plan.omega], axis=1)
     duration = float(plan.duration)
     return Solution(duration, duration, np.asarray(plan.torque), states)

@@ -1,7 +1,7 @@
 """Multiple shooting: the manoeuvre as a nonlinear program, solved by IPOPT through CasADi.
 
-The time is cut into intervals of equal, unknown length with a constant torque in each. The states
-at their ends are unknowns as well, tied together by Runge-Kutta steps.
+Time is cut into intervals of equal, unknown length with constant torque. The states at their ends
+are unknowns, too, connected by Runge-Kutta steps.
 """
 
 import enum
@@ -14,23 +14,23 @@ from jaxtyping import Float
 from jaxsat.synthesis.optima.manoeuvre import Manoeuvre
 
 SHORTEST = 1e-3
-"""Of `Manoeuvre.time_unit`; no manoeuvre is taken to last less."""
+"""Least duration of a manoeuvre over `Manoeuvre.time_unit`."""
 
 STATES = 7
-"""Quaternion and ω."""
+"""Number of states: quaternion and ω."""
 
 NO_RATE = np.zeros(3)
 
 
 class BoundObjective(enum.Enum):
-    """What is to be least: the duration (s), or ∫ Σ|T_i| dt (N m s)."""
+    """Objective to minimise: the duration (s), or ∫ Σ|T_i| dt (N m s)."""
 
     TIME = "time"
     EFFORT = "effort"
 
 
 class Solution(NamedTuple):
-    """A local optimum: its value (s or N m s), duration (s), thrusts and states.
+    """A local optimum: value (s or N m s), duration (s), thrusts and states.
 
     `thrust` (intervals, m) in N m is held over equal intervals; `states` are those at their ends.
     """
@@ -45,8 +45,8 @@ class Solution(NamedTuple):
 class BoundTranscription:
     """The nonlinear program of a manoeuvre.
 
-    `substeps` classical Runge-Kutta steps in each of the `intervals`; `longest` (s) bounds the
-    duration, which least effort needs, as it would else be slower than any horizon.
+    Each of the `intervals` has `substeps` classical Runge-Kutta steps; `longest` (s) bounds the
+    duration, without which least effort would be slower than any horizon.
     """
 
     manoeuvre: Manoeuvre
@@ -70,11 +70,11 @@ class BoundTranscription:
 
     @property
     def shortest(self) -> float:
-        """The least duration of a manoeuvre, s."""
+        """Least duration of a manoeuvre, s."""
         return SHORTEST * self.manoeuvre.time_unit()
 
     def solver(self) -> Any:
-        """The CasADi function that solves it from a guess; one for all guesses.
+        """Return the CasADi function that solves the program from any guess.
 
         Raises `ModuleNotFoundError` where CasADi is not installed.
         """
@@ -112,11 +112,11 @@ class BoundTranscription:
         return casadi.nlpsol("solver", "ipopt", program, options)
 
     def solve(self, solver: Any, seed: int) -> Solution | None:
-        """The local optimum from a random guess; None where IPOPT finds none."""
+        """Return the local optimum from a random guess; None where IPOPT fails."""
         return self._solve(solver, self._guess(np.random.default_rng(seed)))
 
     def solve_near(self, solver: Any, guess: Solution) -> Solution | None:
-        """The local optimum near a solution that arrives; None where IPOPT finds none."""
+        """Return the local optimum near a solution; None where IPOPT fails."""
         return self._solve(solver, self._near(guess))
 
     def _solve(self, solver: Any, guess: Float[np.ndarray, " n"]) -> Solution | None:
@@ -135,7 +135,7 @@ class BoundTranscription:
         return self._solution(np.asarray(result["x"]).ravel(), float(result["f"]))
 
     def _interval(self, casadi) -> Any:
-        """The state after one interval of constant thrust."""
+        """Return the CasADi function of the state after one interval of constant thrust."""
         man = self.manoeuvre
         state, thrust = casadi.SX.sym("x", STATES), casadi.SX.sym("u", man.torque_axes.shape[1])
         begin, length = casadi.SX.sym("t"), casadi.SX.sym("h")
@@ -170,14 +170,14 @@ class BoundTranscription:
         return casadi.Function("interval", [state, thrust, begin, length], [x])
 
     def _frame_rate(self, casadi, q0, q) -> Any:
-        """The orbit frame's angular velocity in body axes."""
+        """Return the orbit frame's angular velocity in body axes."""
         axis = casadi.DM([0, 1, 0]) if self.manoeuvre.small_angle else _second_column(casadi, q0, q)
         return -self.manoeuvre.orbit_rate * axis
 
     def _arrival(self, casadi, end) -> list[Any]:
-        """What is zero in the orbit frame and at rest there, with q and -q alike, or where ω = 0.
+        """Return expressions that vanish at the target (q and -q alike), or where ω = 0.
 
-        With tolerances: what is at most zero within what is allowed of tilt, turn and rate.
+        With tolerances the expressions are at most zero within those of tilt, turn and rate.
         """
         q0, q, rate = end[0], end[1:4], end[4 : 4 + self._rates]
         if not self.manoeuvre.rates_only:
@@ -194,12 +194,11 @@ class BoundTranscription:
 
     @property
     def _rates(self) -> int:
-        """How many rates have to arrive: not the third where it is held, and always zero."""
+        """Number of rates constrained at the end: without the third where it is held at zero."""
         return 2 if self.manoeuvre.third_rate_held else 3
 
     @property
     def _arrivals(self) -> int:
-        """How many numbers have to arrive."""
         if not self.manoeuvre.ends_at_rest:
             return 1 if self.manoeuvre.rates_only else 3
         return self._rates + (0 if self.manoeuvre.rates_only else 3)
@@ -215,7 +214,7 @@ class BoundTranscription:
         return np.concatenate(lower), np.concatenate(upper)
 
     def _guess(self, random: np.random.Generator) -> np.ndarray:
-        """A straight way to one of the two signs of the target, plus noise, and noisy thrust."""
+        """Return a straight line to one of the target's two signs, and thrust, with noise."""
         man, n = self.manoeuvre, self.intervals
         share = np.linspace(0, 1, n + 1)[:, None]
         sign = random.choice([-1.0, 1.0])
@@ -239,7 +238,7 @@ class BoundTranscription:
         return np.concatenate([states.ravel(), thrust.ravel(), sizes.ravel(), [duration]])
 
     def _near(self, guess: Solution) -> Float[np.ndarray, " n"]:
-        """The guess as variables of this program, on its own intervals."""
+        """Return the guess as variables of this program, on its own intervals."""
         ends, middles = np.arange(self.intervals + 1), np.arange(self.intervals) + 0.5
         count = len(guess.thrust)
         sources = (middles / self.intervals * count).astype(int)
@@ -260,7 +259,7 @@ class BoundTranscription:
 
 
 def _second_column(casadi, q0, q):
-    """C (0, 1, 0)ᵀ of a quaternion from the orbit to the body frame."""
+    """Return C (0, 1, 0)ᵀ of a quaternion from the orbit to the body frame."""
     return casadi.vertcat(
         2 * (q[0] * q[1] + q0 * q[2]),
         q0**2 - q[0] ** 2 + q[1] ** 2 - q[2] ** 2,
@@ -269,7 +268,7 @@ def _second_column(casadi, q0, q):
 
 
 def _third_column(casadi, q0, q) -> Any:
-    """C (0, 0, 1)ᵀ of a quaternion from the orbit to the body frame: towards the Earth's centre."""
+    """Return C (0, 0, 1)ᵀ of a quaternion from the orbit to the body frame: nadir."""
     return casadi.vertcat(
         2 * (q[0] * q[2] - q0 * q[1]),
         2 * (q[1] * q[2] + q0 * q[0]),

@@ -1,1 +1,1 @@
-"""Probabilities of violating a requirement, however small."""
+"""Probabilities, however small, of violating a requirement."""

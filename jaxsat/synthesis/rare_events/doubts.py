@@ -1,4 +1,4 @@
-"""Why an estimate of a rare event may be worth less than its interval says."""
+"""Reasons to distrust the interval of a rare-event estimate."""
 
 from collections.abc import Iterator
 
@@ -11,20 +11,20 @@ from jaxsat.synthesis.rare_events.flights import Batch
 from jaxsat.synthesis.rare_events.violations import MOST_VALUES, Violations, counted
 
 LEAST_ROOTS = 20
-"""Independent draws from which violating cases must come at least."""
+"""Least number of independent draws from which violating cases descend."""
 
 LARGEST_SHARE, LARGEST_SPREAD = 0.5, 1.0
-"""Most of the sum that one replication may have, and the spread of one estimate over the mean."""
+"""Largest share of one replication in the sum, and largest spread of estimates over the mean."""
 
 LEAST_MOVED, LEAST_REDRAWN = 0.1, 0.02
-"""Parts of moves and of whole draws that are accepted at least."""
+"""Least accepted fractions of moves and of whole draws."""
 
 COMMON, SELDOM = 0.1, 1 / 3
-"""Share of the violations with one value of a quantity, and part of the replications in which it
-must be found at least."""
+"""Share of the violations with one value of a quantity, and the least part of the replications that
+must reach such a value."""
 
 MOST_ENDED = 0.01
-"""Most of the probability that may come from cases that ended early."""
+"""Largest share of the probability from cases that ended early."""
 
 
 def doubts_of(
@@ -35,7 +35,7 @@ def doubts_of(
     flights: Batch,
     violations: Violations,
 ) -> list[str]:
-    """Sentences on what speaks against the interval; none where nothing is known."""
+    """Return sentences on reasons to doubt the interval; empty where there are none."""
     if not replications.probabilities.any():
         return [*_of_nothing(levels, reached), *_of_chains(replications.levels, space)]
     return [
@@ -56,7 +56,7 @@ def _of_nothing(levels: list[Level], reached: bool) -> Iterator[str]:
 
 
 def _of_replications(replications: Replications, violations: Violations) -> Iterator[str]:
-    """Whether the replications agree, and how many independent draws they stand on."""
+    """Check that replications agree, and the number of independent draws behind them."""
     estimates = replications.probabilities
     share = estimates.max() / estimates.sum()
     if share > LARGEST_SHARE:
@@ -78,7 +78,6 @@ def _of_replications(replications: Replications, violations: Violations) -> Iter
 
 
 def _of_chains(levels: list[Level], space: Space) -> Iterator[str]:
-    """Whether the chains move."""
     moved = min((one.moved for one in levels if one.moved == one.moved), default=1.0)
     if moved < LEAST_MOVED:
         yield f"The chains hardly move: on one level {moved:.1%} of the moves were accepted."
@@ -94,7 +93,7 @@ def _of_chains(levels: list[Level], space: Space) -> Iterator[str]:
 
 
 def _of_values(replications: Replications, flights: Batch, violations: Violations) -> Iterator[str]:
-    """Whether values of quantities that count are found by few replications alone."""
+    """Check that values of discrete quantities are not reached by few replications alone."""
     for column, values in flights.items():
         name = column.removeprefix(DRAWN)
         rounded = counted(name, values)
@@ -114,7 +113,6 @@ def _of_values(replications: Replications, flights: Batch, violations: Violation
 
 
 def _of_endings(flights: Batch, violations: Violations) -> Iterator[str]:
-    """Whether cases violate because they ended early."""
     codes = flights["code"][violations.number]
     for outcome in Outcome:
         share = violations.weight[codes == int(outcome)].sum()

@@ -1,4 +1,4 @@
-"""The flights of an estimate, batch by batch, kept in its folder so that the same call resumes."""
+"""Flights of an estimate, batch by batch, in a folder by which the same call resumes."""
 
 import io
 from collections.abc import Callable, Iterator
@@ -21,16 +21,16 @@ from jaxsat.studies.executors import AbstractExecutor, Serial
 from jaxsat.studies.splitting import Space
 
 PLACE = "flights/{:05}.npz"
-"""The file of a batch."""
+"""File of a batch."""
 
 ROUNDED = ("failure_kind", *(one.failed_quantity.name for one in ACTUATORS))
-"""Quantities that count, from whatever distribution they are drawn."""
+"""Discrete quantities, whatever distribution they are drawn from."""
 
 Batch = dict[str, np.ndarray]
 
 
 def space_of(study: Study) -> Space:
-    """The space in which the cases of a study lie."""
+    """Return the space of the cases of a study."""
     copies = study.case_factory
     distributions = copies.dispersions.distributions
     whole = [
@@ -43,7 +43,7 @@ def space_of(study: Study) -> Space:
 
 @dataclass
 class Flights:
-    """Flies the cases of a study, and keeps what decides the requirement of that name.
+    """Flights of the cases of a study, with the outcome of the requirement of that name.
 
     `tell` is called with the number of flights so far.
     """
@@ -59,7 +59,7 @@ class Flights:
     def margins(
         self, points: Float[np.ndarray, "cases dimension"], noise: UInt32[np.ndarray, " cases"]
     ) -> Float[np.ndarray, " cases"]:
-        """The margins of the next batch; minus infinity for a case that ended before."""
+        """Return the margins of the next batch; minus infinity for a case that ended early."""
         place = PLACE.format(len(self.batches))
         content = self.folder.read(place)
         batch = None if content is None else _unpacked(content)
@@ -74,13 +74,12 @@ class Flights:
         return np.where(np.isnan(batch["margin"]), -np.inf, batch["margin"])
 
     def together(self) -> Batch:
-        """What all flights have, by their number."""
+        """Return the arrays of all flights, by flight number."""
         return {
             name: np.concatenate([one[name] for one in self.batches]) for name in self.batches[0]
         }
 
     def _flown(self, points: np.ndarray, noise: np.ndarray) -> Batch:
-        """What is kept of these cases, in parts that an executor computes."""
         executor = Serial() if self.executor is None else self.executor
         work = _Part(self.study, self.requirement, points, noise)
         parts = dict(executor.run(work, range(-(-len(points) // work.size))))
@@ -92,7 +91,7 @@ class Flights:
 
 @dataclass(frozen=True)
 class _Part:
-    """Flies a part of a batch, given its place."""
+    """Fly a part of a batch, by its index."""
 
     study: Study
     requirement: str
@@ -101,7 +100,7 @@ class _Part:
 
     @property
     def size(self) -> int:
-        """Cases of a part."""
+        """Number of cases of a part."""
         return self.study.engine.batch_size
 
     def __call__(self, place: int) -> Batch:
@@ -114,7 +113,7 @@ class _Part:
 def _kept(
     outputs: Outputs, requirements: Requirements | None, name: str
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """What is kept of every flight: how it was judged, how it ended, and what was drawn."""
+    """Yield the stored arrays of every flight: judgement, ending, and drawn numbers."""
     if requirements is None or outputs.requirements is None:
         raise TypeError("The program must judge requirements.")
     column = requirements.names.index(name)
@@ -140,9 +139,9 @@ def _unpacked(content: bytes) -> Batch:
 
 
 def listed_flights(folder: ResumableFolder) -> tuple[np.ndarray, np.ndarray]:
-    """Points (flights, dimension) of all flights that a folder has, and the numbers of their noise.
+    """Return points (flights, dimension) of all flights in a folder, and their noise seeds.
 
-    Raises `OutputError` for a folder that has none.
+    Raises `OutputError` for a folder without flights.
     """
     batches: list[Batch] = []
     while (content := folder.read(PLACE.format(len(batches)))) is not None:

@@ -1,4 +1,4 @@
-"""How probable it is that a requirement is violated: the estimate, and whether to trust it."""
+"""Probability of violating a requirement: the estimate, and reasons to doubt it."""
 
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
@@ -12,10 +12,10 @@ LEAST_CASES, LEAST_REPLICATIONS = 100, 3
 
 @dataclass(frozen=True)
 class EstimateSettings:
-    """How an estimate is made: `cases` of a population, so many independent `replications`, the
-    `least` probability that is looked for, and the `confidence` of the interval.
+    """Settings of an estimate, checked at construction.
 
-    Raises `ArgumentError` for numbers that cannot be.
+    `cases` of a population, number of independent `replications`, `least` probability of interest,
+    `confidence` of the interval. Raises `ArgumentError` for invalid numbers.
     """
 
     cases: int = 1000
@@ -36,10 +36,10 @@ class EstimateSettings:
 
 
 class LevelRow(NamedTuple):
-    """A `margin`, in the unit of the requirement, and how probable it is not to exceed it.
+    """A `margin`, in the unit of the requirement, and the probability of not exceeding it.
 
     `fractions` are those of each replication, given the level before. `moved` and `redrawn` are the
-    parts of the proposed cases that were accepted on the way to the next level; NaN without any.
+    accepted fractions of proposed cases on the way to the next level; NaN without any.
     """
 
     margin: float
@@ -50,7 +50,7 @@ class LevelRow(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """How violating cases differ from all in a drawn quantity.
+    """Difference of violating cases from all in a drawn quantity.
 
     `distance` is the largest difference of their distribution functions, from 0 to 1. Both
     distributions are given by their values at `PERCENTS`, or where `shares` is not empty by the
@@ -66,14 +66,14 @@ class Difference(NamedTuple):
 
 
 class RareEvent(NamedTuple):
-    """The probability that a requirement is violated.
+    """The probability of violating a requirement.
 
     `estimates` are those of the replications, of which `probability` is the mean with its interval.
-    `violating` flights descend from so many `independent` draws.
-    `doubts` say why the interval may not hold; without any it is `trusted`. The margins of `levels`
-    go down to zero, and `differences` say where in the space of the draws cases violate, the
-    clearest first. `worst` is the violating case with the least `margin`, in `unit`, and `command`
-    flies it again; None, NaN and "" where no case violates.
+    `violating` flights descend from `independent` draws. `doubts` are reasons to distrust the
+    interval; without any it is `trusted`. The margins of `levels` go down to zero, and
+    `differences` describe the violating cases in the space of the draws, the clearest first.
+    `worst` is the violating case with the least `margin`, in `unit`, and the command `again` flies
+    it; None, NaN and "" where no case violates.
     """
 
     title: str
@@ -95,11 +95,11 @@ class RareEvent(NamedTuple):
 
     @property
     def trusted(self) -> bool:
-        """Whether nothing is known that speaks against the interval."""
+        """Whether there is no reason to distrust the interval."""
         return not self.doubts
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data for a record, but for numbers that are not finite."""
+        """Convert to plain data for a record; numbers may be infinite or NaN."""
         return {
             **self._asdict(),
             "settings": asdict(self.settings),

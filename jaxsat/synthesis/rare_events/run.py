@@ -1,4 +1,4 @@
-"""An estimate in one call: the pilot run, the replications, and what they say."""
+"""An estimate in one call: pilot run, replications, and their evaluation."""
 
 import json
 import math
@@ -36,7 +36,7 @@ from jaxsat.synthesis.rare_events.result import EstimateSettings, LevelRow, Rare
 from jaxsat.synthesis.rare_events.violations import Violations, differences
 
 KIND = "rare event"
-"""The kind of the output folder."""
+"""Kind of the output folder."""
 
 RECORD, SCHEMA = "rare-event.json", "rare-event.schema.json"
 SCENARIO, TABLE, MACHINE = "scenario.toml", "violations.csv", "machine.json"
@@ -57,14 +57,14 @@ def rare_event(
     """Estimate the probability, however small, that a requirement is violated.
 
     The requirement is that of this id, or the only one that studies judge. A pilot run finds levels
-    of the margin down to zero; so many `replications`, each with `cases` of every level, then give
-    independent unbiased estimates, see `jaxsat.studies.splitting`. What is drawn for a case moves
-    along Markov chains; numbers that jump and the noise of sensors are drawn again whole. With
-    `out` flights and results are kept in that folder, and the same call resumes.
+    of the margin down to zero; the `replications`, each with `cases` of every level, then give
+    independent unbiased estimates, see `jaxsat.studies.splitting`. The draws of a case move along
+    Markov chains; discrete numbers and the noise of sensors are drawn again whole. With `out`
+    flights and results are kept in that folder, and the same call resumes.
 
     Raises `MissingTable` for a scenario without requirements or dispersions, `ArgumentError` for
-    numbers that cannot be or a requirement that studies do not judge, `OutputError` for a folder
-    that cannot be used, and `ValueError` for an engine that cannot run the study.
+    invalid numbers or a requirement that studies do not judge, `OutputError` for a folder that
+    cannot be used, and `ValueError` for an engine that cannot run the study.
     """
     settings = EstimateSettings(cases, replications, least, confidence)
     scenario, study = _refined(scenario, execution, listener)
@@ -97,10 +97,10 @@ def flown_again(
     execution: Execution = Execution(),
     listener: Listener = Listener(),
 ) -> tuple[Scenario, Study]:
-    """The scenario with its steps, and a study whose cases are the flights of an estimate.
+    """Return the scenario with its steps, and a study whose cases are the flights of an estimate.
 
-    Raises `OutputError` where the folder has no estimate of this scenario, and `ArgumentError`
-    for the number of a flight that there was not.
+    Raises `OutputError` where the folder has no estimate of this scenario, and `ArgumentError` for
+    an unknown flight number.
     """
     marker = Marker.read(Path(out)) if Path(out).is_dir() else None
     if marker is None or marker.kind != KIND:
@@ -121,7 +121,7 @@ def flown_again(
 def _refined(
     scenario: Scenario, execution: Execution, listener: Listener
 ) -> tuple[Scenario, Study]:
-    """The scenario with steps as fine as it allows, and a study of it."""
+    """Return the scenario with steps as fine as it requires, and a study of it."""
     if not scenario.requirement:
         raise MissingTable("[requirement]")
     if scenario.dispersion is None:
@@ -134,7 +134,7 @@ def _refined(
 
 
 def _chosen(scenario: Scenario, study: Study, name: str | None) -> RequirementTable:
-    """The requirement of that id; raises `ArgumentError` for one that studies do not judge."""
+    """Return the requirement of that id; raises `ArgumentError` if studies do not judge it."""
     requirements = study.program.requirements
     judged = () if requirements is None else requirements.names
     if name is None and len(judged) == 1:
@@ -146,14 +146,12 @@ def _chosen(scenario: Scenario, study: Study, name: str | None) -> RequirementTa
 
 
 def _most_flights(settings: EstimateSettings) -> int:
-    """The flights that it takes to get down to the least probability, about."""
     levels = math.ceil(-math.log(settings.least) / math.log(LENGTH))
     population = settings.cases + levels * (settings.cases - settings.cases // LENGTH)
     return (1 + settings.replications) * population
 
 
 def _identity(scenario: Scenario, study: Study) -> dict[str, Any]:
-    """All that the numbers of a flight depend on."""
     identity = study.identity()
     own = {"engine": identity["engine"], "program": identity["program"]}
     return {"scenario": scenario.model_dump(mode="json"), **own}
@@ -173,7 +171,7 @@ def _require_same_machine(folder: ResumableFolder, elsewhere: bool) -> None:
 
 
 def _excess(flights: Batch, scenario: Scenario) -> str:
-    """What to say where the steps of a flight leave larger errors than the scenario allows."""
+    """Return a warning where solver errors exceed those that the scenario allows."""
     errors = [
         float(np.nanmax(flights[name], initial=0.0)) if name in flights else None
         for name in ("rate_error", "attitude_error")
@@ -183,7 +181,7 @@ def _excess(flights: Batch, scenario: Scenario) -> str:
 
 @dataclass(frozen=True)
 class _Estimate:
-    """What was found, on its way to a result."""
+    """Samples and levels of an estimate, before its evaluation."""
 
     scenario: Scenario
     table: RequirementTable
@@ -194,11 +192,10 @@ class _Estimate:
 
     @property
     def violations(self) -> Violations:
-        """The violating cases."""
         return Violations.of(self.found)
 
     def result(self, study: Study, flights: Batch, folder: str) -> RareEvent:
-        """The result, of which `folder` has the flights."""
+        """Evaluate the estimate, whose flights are in `folder`."""
         violations = self.violations
         doubts = doubts_of(
             self.found, self.levels, self.reached, space_of(study), flights, violations
@@ -231,7 +228,7 @@ class _Estimate:
         )
 
     def _probability(self) -> Interval:
-        """The mean with its interval; of no violations the upper end is that of the last level."""
+        """Return mean and interval; without violations its upper end is that of the last level."""
         probability = interval_of(self.found.probabilities, self.settings.confidence)
         if probability.value > 0:
             return probability
@@ -243,7 +240,7 @@ class _Estimate:
         return probability._replace(high=min(1.0, high))
 
     def _levels(self) -> Iterator[LevelRow]:
-        """The levels with their probabilities, at last a margin of zero."""
+        """Yield the levels with their probabilities, the last with margin zero."""
         size = _unit(self.table)[1]
         fractions = self.found.fractions
         probabilities = np.cumprod(fractions, axis=1).mean(axis=0)
@@ -262,7 +259,7 @@ class _Estimate:
 
 
 def _unit(table: RequirementTable) -> tuple[str, float]:
-    """The unit of the margin and its size in SI; that of SI where comparisons have several."""
+    """Return the unit of the margin and its size in SI; SI where comparisons have several units."""
     units = {(one.unit, one.size) for one in comparisons(table.parsed)}
     return units.pop() if len(units) == 1 else ("SI", 1.0)
 
@@ -270,7 +267,6 @@ def _unit(table: RequirementTable) -> tuple[str, float]:
 def _write(
     folder: ResumableFolder, result: RareEvent, violations: Violations, flights: Batch
 ) -> None:
-    """The record with its schema, the violating cases, and the figure."""
     from jaxsat.report.figure_painter import paint
     from jaxsat.report.saving import save_figures
 

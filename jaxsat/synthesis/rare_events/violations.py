@@ -1,4 +1,4 @@
-"""The cases that violate a requirement: their weights, where they lie, how many are independent."""
+"""Cases that violate a requirement: weights, distribution, and number of independent ones."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -15,14 +15,14 @@ from jaxsat.synthesis.rare_events.flights import ROUNDED, Batch
 from jaxsat.synthesis.rare_events.result import Difference
 
 PERCENTS = (1.0, 5.0, 10.0, 25.0, 50.0, 75.0, 90.0, 95.0, 99.0)
-"""Percentiles by which a distribution is described."""
+"""Percentiles that describe a distribution."""
 
 MOST_VALUES = 40
-"""Most different values of a count that are described by their shares."""
+"""Largest number of values of a discrete quantity that are described by their shares."""
 
 
 class Violations(NamedTuple):
-    """Each violating case once: its number, weight (1 for all), replication and root."""
+    """Each violating case once: its number, weight (the sum is 1), replication and root."""
 
     number: Int[np.ndarray, " n"]
     weight: Float[np.ndarray, " n"]
@@ -31,7 +31,7 @@ class Violations(NamedTuple):
 
     @staticmethod
     def of(runs: Replications) -> "Violations":
-        """The violating cases of the last populations, in the order of their numbers."""
+        """Return the violating cases of the last populations, in the order of their numbers."""
         row, place = np.nonzero(runs.last.margin < 0)
         numbers, first, inverse = np.unique(
             runs.last.number[row, place], return_index=True, return_inverse=True
@@ -42,7 +42,7 @@ class Violations(NamedTuple):
         return Violations(numbers, weight / total, runs.alive[row], runs.last.root[row, place])
 
     def table(self, flights: Batch) -> str:
-        """The violating cases of all `flights` as CSV, those with the least margin first."""
+        """Return the violating cases of all `flights` as CSV, those with the least margin first."""
         columns = {
             "case": self.number,
             "replication": self.replication + 1,
@@ -64,8 +64,8 @@ class Violations(NamedTuple):
 def differences(
     flights: Batch, draws: Int[np.ndarray, " draws"], violations: Violations
 ) -> list[Difference]:
-    """How violating cases differ from independent draws in each quantity, the clearest first;
-    nothing where none violates."""
+    """Return differences of violating cases from independent draws in each quantity, the clearest
+    first; empty where none violates."""
     if not len(violations.number):
         return []
     rows = [
@@ -76,7 +76,6 @@ def differences(
 
 
 def _quantities(flights: Batch) -> Iterator[tuple[str, str, np.ndarray]]:
-    """Name, unit and values of each drawn number of all flights."""
     for column, values in flights.items():
         if column.startswith(DRAWN):
             name = column.removeprefix(DRAWN)
@@ -86,7 +85,7 @@ def _quantities(flights: Batch) -> Iterator[tuple[str, str, np.ndarray]]:
 
 
 def counted(name: str, values: np.ndarray) -> np.ndarray:
-    """The values, rounded where they count."""
+    """Return the values, rounded if the quantity is discrete."""
     return np.rint(values) if name.split("[")[0] in ROUNDED else values
 
 
@@ -116,7 +115,7 @@ def _difference(
 
 
 def _distance(everywhere: np.ndarray, violating: np.ndarray, weight: np.ndarray) -> float:
-    """The largest difference of two distribution functions (Kolmogorov), of sorted values."""
+    """Return the largest difference of two distribution functions of sorted values."""
     grid = np.concatenate([everywhere, violating])
     one = np.searchsorted(everywhere, grid, "right") / len(everywhere)
     sums = np.concatenate([[0.0], np.cumsum(weight)])

@@ -1,1 +1,1 @@
-"""Gain tuning: gradient descent through the simulator, and the proof of what it found."""
+"""Gain tuning: gradient descent through the simulator, and its verification."""

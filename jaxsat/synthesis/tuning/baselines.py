@@ -1,12 +1,11 @@
-"""What else could have been done with as many trajectories: the usual ways without gradients,
-and BFGS with them.
+"""Baselines for gradient descent at the same number of trajectories: gradient-free, and BFGS.
 
 All minimise the same objective from the scenario's own gains (random search and CMA-ES: over the
-same bounds), over the same fixed cases or, where the name says so, over new ones in every round.
-As in the descent, the best of the points checked on the validation cases is kept, and checks are
-paid for: one is due as soon as the search has spent as much as it costs. A search ends when the
-target is reached or the budget spent; a gradient of n gains counts n + 1 runs. Methods without
-gradients see the exact law.
+same bounds), over the same fixed cases or, where the name says so, over new ones in every round. As
+in the descent, the best of the points checked on the validation cases is kept. Checks count: one is
+due as soon as the search has spent as much as it costs. A search ends when the target is reached or
+the budget spent; a gradient of n gains counts n + 1 runs. Methods without gradients see the exact
+law.
 """
 
 import contextlib
@@ -33,10 +32,10 @@ WITHOUT_DERIVATIVES = "this run"
 
 
 class BaselineResult(NamedTuple):
-    """One method: what it spent, the best point, and its evaluation on held-out cases.
+    """Result of one method: its cost, the best point, and its evaluation on held-out cases.
 
-    `trace` has rows of trajectories spent and the loss on the validation cases of the best point
-    so far; `loss` is the last of these. `reached` says whether that is the target's.
+    `trace` has rows of trajectories spent and the loss on the validation cases of the best point so
+    far; `loss` is the last of these, and `reached` whether it meets the target.
     """
 
     method: str
@@ -53,7 +52,7 @@ class _BudgetSpent(Exception):
 
 
 class _BestPoint(NamedTuple):
-    """A point that was the best on the validation cases when `spent` had been spent."""
+    """The best point on the validation cases after `spent` trajectories."""
 
     spent: float
     loss: float
@@ -75,16 +74,16 @@ class _Search:
 
     @property
     def cases(self) -> int:
-        """The number of cases of a round."""
+        """Number of cases of a round."""
         return self.plan.settings.baseline_cases or self.plan.settings.cases
 
     @property
     def left(self) -> float:
-        """What a round may spend: a check of what it finds is kept back."""
+        """Budget of a round, without the check of its result."""
         return self.budget - self.spent - self.plan.settings.validation_cases
 
     def losses(self, points: np.ndarray) -> np.ndarray:
-        """Losses of the exact law at points of the search, on the cases of one round."""
+        """Return losses of the exact law at points of the search, on the cases of one round."""
         numbers = self._round(len(points))
         costs = self.plan.exact.evaluate(points, numbers).cost
         losses = np.array([self.plan.settings.objective.value(row) for row in costs])
@@ -92,7 +91,7 @@ class _Search:
         return losses
 
     def gradient(self, point: np.ndarray) -> tuple[float, np.ndarray]:
-        """Loss and gradient of the smooth law at one point."""
+        """Return loss and gradient of the smooth law at one point."""
         gradients = self.plan.smooth.differentiate(
             point[None], self._round(1 + self.plan.space.size)
         )
@@ -102,7 +101,7 @@ class _Search:
         return result.loss, result.gradient
 
     def check_if_due(self, point: np.ndarray | None = None) -> None:
-        """Check a point, or the best in training, if enough was spent since the last check."""
+        """Check a point, or the best in training, if a check is due."""
         if self.spent_since_check >= self.plan.settings.validation_cases:
             self.check(point)
 
@@ -123,7 +122,7 @@ class _Search:
             raise _BudgetSpent
 
     def _round(self, runs: int) -> np.ndarray:
-        """Pays for runs of all cases of a round, and gives their numbers."""
+        """Charge runs of all cases of a round to the budget, and return the case numbers."""
         if runs * self.cases > self.left:
             raise _BudgetSpent
         self.spent += runs * self.cases
@@ -138,7 +137,7 @@ class _Search:
 
 
 def nelder_mead(search: _Search, start: np.ndarray) -> None:
-    """SciPy's simplex from the given gains, within the bounds, begun again when it has shrunk."""
+    """Run SciPy's simplex from the given gains within the bounds, restarted when it has shrunk."""
     low, high = search.plan.space.ends
 
     def loss(point: np.ndarray) -> float:
@@ -158,7 +157,7 @@ def nelder_mead(search: _Search, start: np.ndarray) -> None:
 
 
 def random_search(search: _Search, start: np.ndarray) -> None:
-    """Points drawn as the starts of gradient descent are."""
+    """Search points drawn like the starts of gradient descent."""
     search.losses(start[None])
     space, seed = search.plan.space, search.plan.settings.seed
     round_number = 0
@@ -170,7 +169,7 @@ def random_search(search: _Search, start: np.ndarray) -> None:
 
 
 def cma_es(search: _Search, start: np.ndarray) -> None:
-    """Covariance matrix adaptation, N. Hansen's `cma`, in the unit cube of the bounds."""
+    """Run covariance matrix adaptation, N. Hansen's `cma`, in the unit cube of the bounds."""
     low, high = search.plan.space.ends
     seed = search.plan.settings.seed
     while True:
@@ -184,7 +183,7 @@ def cma_es(search: _Search, start: np.ndarray) -> None:
 
 
 def bfgs(search: _Search, start: np.ndarray) -> None:
-    """SciPy's BFGS within bounds, L-BFGS-B, on the smooth law, from the given gains."""
+    """Run SciPy's L-BFGS-B within bounds on the smooth law, from the given gains."""
 
     def gradient(point: np.ndarray) -> tuple[float, np.ndarray]:
         loss_gradient = search.gradient(point)
@@ -198,8 +197,8 @@ def bfgs(search: _Search, start: np.ndarray) -> None:
 
 
 class SearchMethod(NamedTuple):
-    """A search from a start, whether it sees new cases in every round, the package that it needs
-    beyond those of jaxsat, and whether it takes gradients."""
+    """A search from a start, whether each round has new cases, the additional package that it
+    needs, and whether it uses gradients."""
 
     search: Callable[[_Search, np.ndarray], None]
     fresh: bool = False
@@ -214,11 +213,11 @@ METHODS: dict[str, SearchMethod] = {
     "CMA-ES, new cases": SearchMethod(cma_es, fresh=True, package=PACKAGE),
     "BFGS": SearchMethod(bfgs, gradients=True),
 }
-"""Every method by the name that it has in tables."""
+"""Methods by their name in tables."""
 
 
 def missing_packages() -> list[str]:
-    """Packages that are not there and whose methods would be left out."""
+    """Return packages that are not installed and whose methods are left out."""
     packages = {method.package for method in METHODS.values() if method.package is not None}
     return sorted(package for package in packages if importlib.util.find_spec(package) is None)
 
@@ -226,9 +225,9 @@ def missing_packages() -> list[str]:
 def run_baselines(
     plan: TuningPlan, state: DescentState, report: Callable[[str], None] | None = None
 ) -> list[BaselineResult]:
-    """Gradient descent as it was and every method whose package is there, all evaluated alike.
+    """Evaluate gradient descent and every available method on the same held-out cases.
 
-    Each may spend what the settings say, or as much as the descent did.
+    Each may spend the budget of the settings, or as much as the descent did.
     """
     budget = float(plan.settings.baseline_trajectories or state.trajectories)
     start = plan.space.projected(plan.space.to_search(plan.start[None]))[0]
@@ -251,7 +250,7 @@ def run_baselines(
 
 
 def as_data(results: Sequence[BaselineResult]) -> list[dict[str, Any]]:
-    """The table's rows as plain data."""
+    """Convert the table's rows to plain data."""
     return [
         plain_data({**entry._asdict(), "evaluation": entry.evaluation.as_data()})
         for entry in results

@@ -1,4 +1,4 @@
-"""From a scenario with a `[tuning]` table to a tuning plan, and back to a scenario."""
+"""Conversion of a scenario with a `[tuning]` table to a tuning plan, and back."""
 
 import dataclasses
 import importlib.util
@@ -48,11 +48,11 @@ from jaxsat.synthesis.tuning.strategies import PACKAGE
 def build_plan(
     scenario: Scenario, *, engine: EngineName = "auto", batch_size: int = 64, workers: int = 1
 ) -> TuningPlan:
-    """The tuning run that a scenario describes.
+    """Build the tuning run of a scenario.
 
-    `engine` and `batch_size` are those of a study; where "auto" does not come to the native engine
+    `engine` and `batch_size` are those of a study; where "auto" does not select the native engine
     the plan's `remark` says why. Raises `ValueError` where the scenario has no `[tuning]` table or
-    disperses what its loop does not have, and for "native" where that cannot be.
+    disperses quantities that its loop lacks, and for "native" where that engine cannot run.
     """
     table = scenario.tuning
     if table is None:
@@ -115,7 +115,6 @@ def build_plan(
 
 
 def _require_optimiser(table: TuningTable) -> None:
-    """Raise `ValueError` where the optimiser is in a package that is not installed."""
     if table.optimiser == DERIVATIVE_FREE and importlib.util.find_spec(PACKAGE) is None:
         raise ValueError(
             f'tuning.optimiser = "{DERIVATIVE_FREE}" must have the package {PACKAGE}: '
@@ -124,7 +123,7 @@ def _require_optimiser(table: TuningTable) -> None:
 
 
 class _Forms(NamedTuple):
-    """The scenario in one form, rounded for gradients and in finer steps, and the search."""
+    """The scenario in one form, smoothed for gradients and in finer steps, and the search."""
 
     scenario: Scenario
     smooth: Scenario
@@ -145,9 +144,9 @@ def _forms_of(scenario: Scenario, table: TuningTable) -> _Forms:
 
 
 def try_tuning(scenario: Scenario) -> None:
-    """Build all that a tuning run runs; raises `BuildError` where that cannot be.
+    """Build all parts of a tuning run; raises `BuildError` where that fails.
 
-    Nothing is built for a scenario that has no `[tuning]`.
+    A scenario without `[tuning]` passes.
     """
     table = scenario.tuning
     if table is None:
@@ -162,7 +161,7 @@ def try_tuning(scenario: Scenario) -> None:
 
 
 def tuned_scenario(scenario: Scenario, plan: TuningPlan, point: np.ndarray) -> Scenario:
-    """The scenario with the gains of a point of the search in `[control]`."""
+    """Return the scenario with the gains of a point of the search in `[control]`."""
     gains = plan.space.gains(plan.space.to_values(point))
     tunable = scenario.law.declaration.tunable
     numbers: dict[str, Any] = {}
@@ -176,7 +175,7 @@ def tuned_scenario(scenario: Scenario, plan: TuningPlan, point: np.ndarray) -> S
 def _with_native_engine(
     runs: dict[str, CostEvaluator], start: np.ndarray, name: EngineName, *, differentiated: bool
 ) -> tuple[dict[str, CostEvaluator], str | None]:
-    """The runs with the native engine where that is wanted and can be; else why it cannot."""
+    """Return the runs with the native engine where it is requested and able, else the reason."""
     if name in ("scan", "diffrax"):
         return runs, None
     native_runs, obstacle = runs, process_obstacle()
@@ -192,7 +191,7 @@ def _with_native_engine(
 def _as_machine_code(
     runs: dict[str, CostEvaluator], start: np.ndarray, differentiated: bool
 ) -> tuple[dict[str, CostEvaluator], str | None]:
-    """The runs with the native engine, compiled and tried; or what has no rule there."""
+    """Return the runs with the native engine, compiled and tried, or the unsupported operation."""
     try:
         native_runs = {key: _native(evaluator) for key, evaluator in runs.items()}
         for key in ("smooth", "exact"):  # one interval of one case makes the machine code
@@ -238,10 +237,10 @@ def _search(scenario: Scenario, table: Mapping[str, BoundsTable]) -> tuple[Searc
 def _false_alarm_penalty(
     scenario: Scenario, table: TuningTable, space: SearchSpace
 ) -> Callable[[Values], np.ndarray] | None:
-    """What thresholds cost whose false alarms are too close, by their closed form.
+    """Return the cost of thresholds with too frequent false alarms, in closed form.
 
-    No sample of cases can tell one false alarm in years, so that a search would make thresholds
-    ever lower. None for a law without these tests.
+    No sample of cases shows one false alarm in years, so that a search would lower thresholds ever
+    further. None for a law without these tests.
     """
     controller = controller_of(build_loop(scenario))
     if not isinstance(controller, FaultTolerant):
@@ -269,7 +268,7 @@ def _cost(table: CostTable, attitude: AttitudeCost) -> RunningCost:
 
 
 def _plain(cost: RunningCost) -> RunningCost:
-    """The cost without bound and surrogate, of the same structure: nothing compiles anew."""
+    """Return the cost without bound and surrogate, of the same structure: nothing compiles anew."""
     return eqx.tree_at(
         lambda cost: (cost.settling, cost.limit), cost, (as_float(0.0), as_float(np.inf))
     )

@@ -1,4 +1,4 @@
-"""A run on disk: a folder in which it is resumed, whose files are replaced whole."""
+"""Folder of a tuning run, in which it is resumed; files are replaced atomically."""
 
 import io
 import json
@@ -34,15 +34,15 @@ _DECODING = (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipF
 class TuningFolder:
     """The folder of one tuning run, open for writing by this process alone.
 
-    `identity` is all that the run depends on, as plain data. A folder that is not there is made;
-    one that holds the same run is resumed. Raises `OutputError` for one that holds another run
-    or anything else, that another process writes to, in which a file was damaged or changed, or
-    (unless `elsewhere`) that was begun with other versions or on another processor, where the bits
-    may differ.
+    `identity` is all that the run depends on, as plain data. A missing folder is created; one of
+    the same run is resumed. Raises `OutputError` for a folder that holds another run or anything
+    else, that another process writes to, in which a file was damaged or changed, or (unless
+    `elsewhere`) that was begun with other versions or on another processor, where the bits may
+    differ.
     """
 
     files: ResumableFolder
-    """The folder in which the results of the run are written and read."""
+    """The folder of the run's results."""
 
     def __init__(self, path: str | Path, identity: Mapping[str, Any], *, elsewhere: bool = False):
         self.files = resumable_folder(path, "tuning", identity, "run")
@@ -53,22 +53,21 @@ class TuningFolder:
             raise
 
     def __enter__(self) -> "TuningFolder":
-        """The folder itself."""
         return self
 
     def __exit__(self, *exception: Any) -> None:
-        """Let other processes write."""
+        """Release the folder for other processes."""
         self.files.__exit__(*exception)
 
     @property
     def lost_state(self) -> bool:
-        """Whether a state was written that is not there any more, so that the run begins again."""
+        """Whether a state that was written is missing, so that the run begins again."""
         return self._arrays is None and self.files.is_begun
 
     def state(self, plan: TuningPlan) -> DescentState:
-        """The state of the run: the one last kept, or its first one.
+        """Return the last stored state of the run, or its first one.
 
-        Raises `OutputError` for a state that is none of this plan's.
+        Raises `OutputError` for a state of another plan.
         """
         if self._arrays is None:
             return initial_state(plan)
@@ -80,7 +79,7 @@ class TuningFolder:
         return state
 
     def keep(self, state: DescentState) -> None:
-        """Keep a state to go on from."""
+        """Store a state from which to resume."""
         about = {"format": FORMAT, "machine": machine()}
         buffer = io.BytesIO()
         arrays = _to_arrays(state) | {"about": np.array(json.dumps(about))}
@@ -116,7 +115,7 @@ class TuningFolder:
 
 
 def plan_identity(plan: TuningPlan) -> dict[str, Any]:
-    """What tells runs apart. Programs are traced for it, once for this and the first step."""
+    """Return the identity of a run, for which its programs are traced once."""
     return {
         **plan.description,
         "parameters": list(plan.space.labels),
@@ -174,7 +173,7 @@ def _from_arrays(plan: TuningPlan, arrays: Mapping[str, np.ndarray]) -> DescentS
 
 
 def _check(plan: TuningPlan, state: DescentState) -> None:
-    """Raise `ValueError` for a state that the plan cannot have come to."""
+    """Raise `ValueError` for a state that the plan cannot have."""
     starts, size = state.points.shape
     good = (
         starts == plan.settings.starts
@@ -209,5 +208,5 @@ def _records(arrays: Mapping[str, np.ndarray], prefix: str, kind) -> list:
 
 
 def _own(value: Any) -> Any:
-    """Plain numbers where a record has plain numbers."""
+    """Return plain numbers where a record has plain numbers."""
     return value.item() if np.ndim(value) == 0 else np.asarray(value)

@@ -1,4 +1,4 @@
-"""Running many cases at many points of the search at once, and counting what that takes."""
+"""Costs of many cases at many points of the search at once, with a count of trajectories."""
 
 import dataclasses
 from collections.abc import Callable, Mapping
@@ -22,27 +22,26 @@ from jaxsat.studies.dispersions import Dispersed, StudyCase
 from jaxsat.synthesis.tuning.parameters import SearchSpace, Values
 
 GradientMethod = Literal["forward", "reverse", "differences"]
-"""How derivatives are taken: by either mode of the engine, or by central differences of costs."""
+"""Method of derivatives: either mode of the engine, or central differences of costs."""
 
 
 class CaseWithGains(NamedTuple):
-    """A case and the gains that it is run with."""
+    """A case and its gains."""
 
     case: PyTree
     gains: Mapping[str, Array | np.ndarray]
 
 
 class WithGains(AbstractCaseFactory):
-    """Cases with gains of their own, so that one batch holds many points of the search.
+    """Cases with individual gains, so that one batch holds many points of the search.
 
-    The gains that an engine is given on top are added to them: zero, and what derivatives are
-    taken by.
+    Gains given to an engine are added to them: zero, the variables of derivatives.
     """
 
     inner: AbstractCaseFactory
 
     def __call__(self, case: CaseWithGains, gains: dict[str, Array] | None = None) -> Case:
-        """The case with its own gains."""
+        """Return the case with its own gains."""
         shift = gains or {}
         own = {name: jnp.asarray(value) + shift.get(name, 0) for name, value in case.gains.items()}
         return self.inner(case.case, own)
@@ -57,9 +56,9 @@ class CaseGradients(NamedTuple):
 
 @dataclass
 class TrajectoryCounter:
-    """Trajectories computed, in units of whole horizons.
+    """Number of trajectories, in units of whole horizons.
 
-    A gradient of n gains counts n + 1; by differences, the 2n + 1 that it takes.
+    A gradient of n gains counts n + 1; by differences, 2n + 1.
     """
 
     trajectories: float = 0.0
@@ -69,11 +68,11 @@ class TrajectoryCounter:
 class CostEvaluator:
     """A program over dispersed cases, the cases of a design, and an engine to run them.
 
-    `workers` threads share the batches out; the results do not depend on how. Derivatives
-    by "differences", of half width `half_width` along the search, see what automatic
-    differentiation is blind to, such as thresholds at which a law switches between samples. With
-    `recovery` a case costs `recovery_costs` in place of its integral, and `penalty` adds to the
-    costs of a point what its values, which it is given, break of a constraint.
+    Batches are shared among `workers` threads, without effect on the results. Derivatives by
+    "differences", of half width `half_width` along the search, see what automatic differentiation
+    is blind to, such as thresholds at which a law switches between samples. With `recovery` a case
+    costs `recovery_costs` in place of its integral, and `penalty` adds to the costs of a point the
+    violation of a constraint by its values.
     """
 
     program: Program
@@ -95,7 +94,7 @@ class CostEvaluator:
     def evaluate(
         self, points: Values, numbers: np.ndarray, intervals: int | None = None
     ) -> Outputs:
-        """Outputs (points, cases) of the cases `numbers` at every point of the search."""
+        """Return outputs (points, cases) of the cases `numbers` at every point of the search."""
         program = self._program(intervals)
 
         def run(cases: CaseWithGains) -> Outputs:
@@ -114,7 +113,7 @@ class CostEvaluator:
     def differentiate(
         self, points: Values, numbers: np.ndarray, intervals: int | None = None
     ) -> CaseGradients:
-        """Outputs and derivatives of the costs along the search, in the units of the search."""
+        """Return outputs and derivatives of the costs in the units of the search."""
         if self.gradient == "differences":
             return self._differences(points, numbers, intervals)
         mode = self.gradient
@@ -151,10 +150,9 @@ class CostEvaluator:
     def derivative_of_one(
         self, point: Float[np.ndarray, " parameters"], number: int, gain: int, intervals: int | None
     ) -> tuple[AbstractStepper, Program, CaseWithGains, dict[str, Array], dict[str, Array]]:
-        """What `nan_in_run` takes for one case at a point and one number tuned.
+        """Return the arguments of `nan_in_run` for one case at a point and one tuned number.
 
-        The diffrax engine has no steps that can be taken one by one; its runs take those of the
-        scan engine.
+        The diffrax engine has no single steps; its runs get those of the scan engine.
         """
         stepper = getattr(self.engine, "stepper", None)
         gains = self.space.gains(self.space.to_values(point))
@@ -169,7 +167,7 @@ class CostEvaluator:
         )
 
     def program_identity(self, *, differentiated: bool = False) -> dict[str, Any]:
-        """What tells the program from others, that of the derivatives where they are by a mode."""
+        """Return the fingerprint of the program, with derivatives if an engine mode takes them."""
         gains = self.space.gains(np.zeros((1, self.space.size)))
         example = CaseWithGains(self.drawn(np.arange(1)), gains)
         if not differentiated or self.gradient == "differences":
@@ -179,13 +177,12 @@ class CostEvaluator:
         )
 
     def drawn(self, numbers: np.ndarray) -> StudyCase:
-        """The cases of these numbers."""
+        """Return the cases of these numbers."""
         factory: Dispersed = self.program.case_factory  # pyright: ignore[reportAssignmentType]
         points = self.design.points(numbers, factory.dimensions())
         return StudyCase(np.asarray(numbers).astype(np.uint32), points)
 
     def _zero(self) -> dict[str, Array]:
-        """What derivatives are taken by."""
         return jax.tree.map(jnp.asarray, self.space.gains(np.zeros(self.space.size)))
 
     def _program(self, intervals: int | None) -> Program:
@@ -200,7 +197,7 @@ class CostEvaluator:
         self.counter.trajectories += len(points) * len(numbers) * runs * part
 
     def _in_batches(self, run: Callable, points: Values, numbers: np.ndarray):
-        """`run` over points × cases in whole batches, the first alone: it may compile."""
+        """Run points × cases in whole batches, the first alone, as it may compile."""
         gains = self.space.gains(self.space.to_values(points))
         cases = jax.tree.map(
             lambda x: np.tile(x, (len(points), *[1] * (x.ndim - 1))), self.drawn(numbers)
@@ -221,9 +218,9 @@ class CostEvaluator:
 
 
 def recovery_costs(outputs: Outputs, horizon: float, unrecovered: float) -> np.ndarray:
-    """Times from the first failure until a case is settled, over the horizon (s).
+    """Return times from the first failure until a case is settled, over the horizon (s).
 
-    Where failures are not dispersed it is the time from the start. A case that never settles costs
+    Without dispersed failures they are times from the start. A case that never settles costs
     `unrecovered`.
     """
     settled = np.asarray(outputs.settling_time)

@@ -1,5 +1,4 @@
-"""Gradient descent from several starts, or evolution of a population without gradients, in steps
-that can be interrupted and resumed."""
+"""Resumable descent: by gradients from several starts, or by evolution of a population."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -24,11 +23,11 @@ NEVER = np.inf
 
 
 class StepRecord(NamedTuple):
-    """One step, of all starts; NaN for a start that has been given up.
+    """One step of all starts; NaN for a start that has been given up.
 
     Points and losses are those before the step. `failed`, `masked` and `bounded` count cases: runs
     that ended early, cases without a finite derivative, and derivatives cut to their bound.
-    `trajectories` is what had been computed when the step was done, in whole horizons.
+    `trajectories` is the total after the step, in whole horizons.
     """
 
     points: Values
@@ -55,7 +54,7 @@ class ValidationRecord(NamedTuple):
 
 @dataclass
 class DescentState:
-    """The state of a run: everything it resumes from, and its history."""
+    """State of a run: everything from which it is resumed, and its history."""
 
     points: Values
     alive: Bool[np.ndarray, " starts"]
@@ -69,7 +68,7 @@ class DescentState:
 
 
 class DescentProgress(NamedTuple):
-    """Progress of a run that descends: the start that is best in training just now."""
+    """Progress of a descent: the start with the least training loss at this step."""
 
     step: int
     steps: int
@@ -81,7 +80,7 @@ class DescentProgress(NamedTuple):
 
 
 def initial_state(plan: TuningPlan) -> DescentState:
-    """The first state: the given point and the best of those screened, none of them moved yet."""
+    """Return the first state: the given point and the best screened ones, before any step."""
     settings, space = plan.settings, plan.space
     own = space.projected(space.to_search(plan.start[None]))
     if settings.descent.derivative_free:
@@ -114,7 +113,7 @@ def initial_state(plan: TuningPlan) -> DescentState:
 def descent_step(plan: TuningPlan, state: DescentState) -> DescentState:
     """Take one step of every start that is alive, and validate where that is due.
 
-    Raises `NoGradient` where no case of the step has a usable gradient, whatever the start.
+    Raises `NoGradient` where no case of the step has a usable gradient at any start.
     """
     settings, objective = plan.settings, plan.settings.objective
     if settings.descent.derivative_free:
@@ -165,7 +164,7 @@ def descent_step(plan: TuningPlan, state: DescentState) -> DescentState:
 def _generation(plan: TuningPlan, state: DescentState) -> DescentState:
     """Fly one population of the exact law on one set of cases, and validate where that is due.
 
-    All points see the same cases, so that what is better of two is not chance alone.
+    All points see the same cases, so that differences are not chance alone.
     """
     settings = plan.settings
     horizon = settings.intervals(state.step, plan.intervals)
@@ -199,8 +198,8 @@ def descend(
     keep: Callable[[DescentState], None] | None = None,
     report: Callable[[DescentProgress], None] | None = None,
 ) -> DescentState:
-    """Steps, at least one, until all are done or the target is reached; `keep` is called with
-    every state, `report` with what to tell."""
+    """Take at least one step, until all are done or the target is reached; `keep` is called with
+    every state, `report` with the progress."""
     while state.step < plan.settings.steps:
         if state.step and plan.settings.reached(state.best_loss):
             break
@@ -215,7 +214,7 @@ def descend(
 def _next_state(
     plan: TuningPlan, state: DescentState, record: StepRecord, **changes: Any
 ) -> DescentState:
-    """The state after a step with what it changes, validated where that is due."""
+    """Return the state after a step with its `changes`, validated where that is due."""
     following = replace(
         state,
         step=state.step + 1,
@@ -255,7 +254,7 @@ def _validate(plan: TuningPlan, state: DescentState) -> DescentState:
 
 @latest(32)
 def _transformation(descent: OptimiserSettings, steps: int):
-    """optax, for all starts beside one another so that each is clipped by itself."""
+    """Return optax's functions, mapped over starts, so that each is clipped by itself."""
     transformation = descent.transformation(steps)
     return jax.vmap(transformation.init), jax.jit(jax.vmap(transformation.update))
 
@@ -288,7 +287,7 @@ def _ended_early(outputs: Outputs) -> np.ndarray:
 def _spread(
     alive: Bool[np.ndarray, " starts"], values: Any, others: float | int = np.nan
 ) -> np.ndarray:
-    """Values of those alive in their places among all starts (starts,), `others` elsewhere."""
+    """Scatter the values of starts alive to all starts (starts,), `others` elsewhere."""
     everywhere = np.full(len(alive), others)
     everywhere[alive] = values
     return everywhere

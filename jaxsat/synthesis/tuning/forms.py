@@ -1,4 +1,4 @@
-"""A scenario as tuning runs it: in one form, in finer steps, with thrust in place of pulses."""
+"""Variants of a scenario for tuning: fixed coordinates, finer steps, thrust in place of pulses."""
 
 import math
 from collections.abc import Mapping
@@ -11,16 +11,16 @@ from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.tuning import TuningTable
 
 FINER = 10.0
-"""Tolerances of the refined run are this many times smaller; fixed steps are halved."""
+"""Factor by which tolerances of the refined run are smaller; fixed steps are halved."""
 
 
 STEPS_A_SECOND = 6
-"""Adaptive steps that a run may take, on average, where the scenario says nothing: gains that make
-the loop stiff would hold up all others."""
+"""Default limit of adaptive steps per second of a run: gains that make the loop stiff would delay
+all others."""
 
 
 def in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:
-    """Coordinates and steps written out, so that the smooth law runs as the exact one does."""
+    """Return the scenario with explicit coordinates and steps, common to smooth and exact law."""
     simulation, solver = scenario.simulation, scenario.simulation.solver
     if scenario.law.declaration.sampled:
         return scenario
@@ -37,7 +37,7 @@ def in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:
 
 
 def refined(scenario: Scenario) -> Scenario:
-    """The scenario in finer steps."""
+    """Return the scenario with finer steps."""
     solver = scenario.simulation.solver
     if scenario.law.declaration.sampled:
         changes: dict[str, Any] = {"substeps": 2 * substeps_of(scenario)}
@@ -51,9 +51,9 @@ def refined(scenario: Scenario) -> Scenario:
 
 
 def throttled(scenario: Scenario) -> Scenario:
-    """The scenario with thrust in place of pulses, whose dead zones and sums have no derivative.
+    """Return the scenario with thrust in place of pulses, whose dead zones have no derivative.
 
-    Gradients are taken of that; costs are of the pulses all the same.
+    Gradients are taken of it; costs are those of the pulses all the same.
     """
     if not scenario.thruster:
         return scenario
@@ -61,6 +61,6 @@ def throttled(scenario: Scenario) -> Scenario:
 
 
 def with_control(scenario: Scenario, numbers: Mapping[str, Any]) -> Scenario:
-    """The scenario with these numbers in `[control]`."""
+    """Return the scenario with these numbers in `[control]`."""
     control = scenario.control.model_copy(update=dict(numbers))
     return scenario.model_copy(update={"control": control})

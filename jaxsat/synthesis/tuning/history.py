@@ -1,4 +1,4 @@
-"""The history of a run as a labelled dataset."""
+"""History of a run as a labelled dataset."""
 
 import numpy as np
 import xarray as xr
@@ -19,7 +19,7 @@ STEP_VARIABLES = {
 
 
 def history_dataset(plan: TuningPlan, state: DescentState, title: str, scenario: str) -> xr.Dataset:
-    """Steps, validations and the gains on the way; `scenario` is the text of the tuned scenario."""
+    """Return steps, validations and gains of a run; `scenario` is the text of its scenario."""
     size, starts = plan.space.size, len(state.points)
     gains = plan.space.to_values(_stack([r.points for r in state.steps], (starts, size)))
     interval = float(plan.smooth.program.interval)

@@ -1,4 +1,4 @@
-"""The numbers that are tuned: names inside the controller, bounds, and the space searched."""
+"""Tuned numbers: their paths in the controller, bounds, and the search space."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,19 +11,19 @@ Values = Float[np.ndarray, "*points parameters"]
 
 SCALES = ("log", "logit")
 AT_BOUND = 0.01
-"""Values in the outermost hundredth of their range count as at its end."""
+"""Distance to a bound, over the range, within which a value counts as at it."""
 
 MAX_LOGIT = 12.0
-"""Logits beyond ±this are within 1e-5 of a bound, where they would have no slope left."""
+"""Largest logit: beyond it values are within 1e-5 of a bound, without slope."""
 
 
 @dataclass(frozen=True)
 class TunedParameter:
     """A tuned number, or array of numbers, at a dotted `name` inside the controller.
 
-    It is searched in the logarithm of its value, cut off at the bounds ("log"), or in the logit of
-    its place between them ("logit"), where the bounds are never reached. `shape` is that of the
-    array, `label` its name for a person.
+    The search variable is the logarithm of its value, clipped at the bounds ("log"), or the logit
+    of its place between them ("logit"), which never reaches the bounds. `shape` is that of the
+    array, `label` its displayed name.
     """
 
     name: str
@@ -48,11 +48,11 @@ class TunedParameter:
 
     @property
     def size(self) -> int:
-        """How many numbers it has."""
+        """Number of entries."""
         return int(np.prod(self.shape, dtype=int))
 
     def to_search(self, values: np.ndarray) -> np.ndarray:
-        """The points of the search of values, which are taken into the bounds."""
+        """Return search points of values, clipped to the bounds."""
         values = np.clip(values, self.low, self.high)
         if self.scale == "log":
             return np.log(values)
@@ -61,14 +61,14 @@ class TunedParameter:
             return np.clip(np.log(share) - np.log1p(-share), -MAX_LOGIT, MAX_LOGIT)
 
     def to_values(self, points: np.ndarray) -> np.ndarray:
-        """The values of points of the search, within the bounds."""
+        """Return the values of search points, within the bounds."""
         if self.scale == "log":
             return np.clip(np.exp(points), self.low, self.high)
         share = 0.5 * (1 + np.tanh(points / 2))
         return self.low + (self.high - self.low) * share
 
     def slope(self, points: np.ndarray) -> np.ndarray:
-        """Derivative of the values along the search."""
+        """Return the derivative of the values along the search."""
         if self.scale == "log":
             return np.exp(points)
         share = 0.5 * (1 + np.tanh(points / 2))
@@ -76,24 +76,24 @@ class TunedParameter:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """The least and the largest point that the search may be at."""
+        """Least and largest search point."""
         if self.scale == "log":
             return float(np.log(self.low)), float(np.log(self.high))
         return -MAX_LOGIT, MAX_LOGIT
 
     def projected(self, points: np.ndarray) -> np.ndarray:
-        """The nearest points that the search may be at."""
+        """Return the nearest points within the search space."""
         return np.clip(points, *self.ends)
 
     def place(self, values: np.ndarray) -> np.ndarray:
-        """The place of values between the bounds, 0 to 1, of their logarithms in log scale."""
+        """Return the place of values between the bounds, 0 to 1, in log scale by logarithms."""
         low, high = self.low, self.high
         if self.scale == "log":
             values, low, high = np.log(values), np.log(low), np.log(high)
         return (values - low) / (high - low)
 
     def drawn(self, uniform: np.ndarray) -> np.ndarray:
-        """Values from numbers uniform in (0, 1): log-uniform, or uniform between the bounds."""
+        """Map uniform numbers in (0, 1) to values: log-uniform, or uniform between the bounds."""
         if self.scale == "log":
             return self.low * (self.high / self.low) ** uniform
         return self.low + (self.high - self.low) * uniform
@@ -112,7 +112,7 @@ class SearchSpace:
 
     @property
     def size(self) -> int:
-        """How many numbers are tuned."""
+        """Number of tuned numbers."""
         return sum(parameter.size for parameter in self.parameters)
 
     @property
@@ -127,43 +127,43 @@ class SearchSpace:
 
     @property
     def units(self) -> tuple[str, ...]:
-        """The unit of every number."""
+        """Unit of every number."""
         return tuple(p.unit for p in self.parameters for _ in range(p.size))
 
     @property
     def scales(self) -> tuple[str, ...]:
-        """The scale of every number."""
+        """Scale of every number."""
         return tuple(p.scale for p in self.parameters for _ in range(p.size))
 
     def to_search(self, values: Values) -> Values:
-        """The points of the search of values."""
+        """Return the search points of values."""
         return self._by_parameter("to_search", values)
 
     def to_values(self, points: Values) -> Values:
-        """The values of points of the search."""
+        """Return the values of search points."""
         return self._by_parameter("to_values", points)
 
     def slope(self, points: Values) -> Values:
-        """Derivatives of the values along the search, entry by entry."""
+        """Return derivatives of the values along the search, entry by entry."""
         return self._by_parameter("slope", points)
 
     @property
     def ends(self) -> tuple[Float[np.ndarray, " parameters"], Float[np.ndarray, " parameters"]]:
-        """The least and the largest point that the search may be at."""
+        """Least and largest search point."""
         low, high = np.array([p.ends for p in self.parameters for _ in range(p.size)]).T
         return low, high
 
     def projected(self, points: Values) -> Values:
-        """The nearest points that the search may be at."""
+        """Return the nearest points within the search space."""
         return self._by_parameter("projected", points)
 
     def drawn(self, count: int, seed: int) -> Values:
-        """`count` random values between the bounds, log-uniform for those in log scale."""
+        """Draw `count` values between the bounds, log-uniform for those in log scale."""
         uniform = np.random.default_rng(seed).uniform(size=(count, self.size))
         return self._by_parameter("drawn", uniform)
 
     def at_bounds(self, values: Float[np.ndarray, " parameters"]) -> dict[str, float]:
-        """The bound of every number that is at one, by label."""
+        """Return the bound of every number that is at one, by label."""
         places = self._by_parameter("place", values)
         lows, highs = (
             np.array([getattr(p, end) for p in self.parameters for _ in range(p.size)])
@@ -174,14 +174,14 @@ class SearchSpace:
         return {self.labels[i]: float(nearest[i]) for i in np.flatnonzero(close)}
 
     def gains(self, values: Values) -> dict[str, np.ndarray]:
-        """Values by name, as engines take them, with the leading axes of `values`."""
+        """Return values by name, as engines take them, with the leading axes of `values`."""
         return {
             parameter.name: columns.reshape((*values.shape[:-1], *parameter.shape))
             for parameter, columns in self._columns(values)
         }
 
     def joined(self, gains: Mapping[str, np.ndarray], leading: Sequence[int]) -> Values:
-        """The opposite of `gains`: one column for each number, after the axes `leading`."""
+        """Invert `gains`: one column for each number, after the axes `leading`."""
         parts = [np.asarray(gains[p.name]).reshape((*leading, p.size)) for p in self.parameters]
         return np.concatenate(parts, axis=-1)
 

@@ -1,5 +1,4 @@
-"""What a tuning run is: the objective, which makes one number of the costs of many cases, the laws
-it runs, the cases it takes, and how it descends."""
+"""Plan of a tuning run: objective over many cases, variants of the law, cases and settings."""
 
 import abc
 from collections.abc import Mapping
@@ -25,25 +24,25 @@ class AbstractAggregate(abc.ABC):
 
     @abc.abstractmethod
     def weights(self, costs: Costs) -> Costs:
-        """Weights that sum to one."""
+        """Return weights that sum to one."""
 
     def __call__(self, costs: Costs) -> float:
-        """The weighted sum."""
+        """Return the weighted sum."""
         return float(np.sum(self.weights(costs) * costs))
 
 
 @dataclass(frozen=True)
 class Mean(AbstractAggregate):
-    """The mean."""
+    """Mean of the costs."""
 
     def weights(self, costs: Costs) -> Costs:
-        """Equal weights."""
+        """Return equal weights."""
         return np.full(len(costs), 1 / len(costs))
 
 
 @dataclass(frozen=True)
 class ConditionalValueAtRisk(AbstractAggregate):
-    """The mean of the worst part 1 - α of the cases: conditional value at risk, CVaR(α).
+    """Mean of the worst fraction 1 - α of the cases: conditional value at risk, CVaR(α).
 
     R. T. Rockafellar, S. Uryasev, J. Risk 2, 2000.
     """
@@ -54,7 +53,7 @@ class ConditionalValueAtRisk(AbstractAggregate):
         _require_level(self.level)
 
     def weights(self, costs: Costs) -> Costs:
-        """Equal weights on the worst cases, the last of which may count in part."""
+        """Return equal weights on the worst cases, the last of which may count in part."""
         share = (1 - self.level) * len(costs)
         shares = np.clip(share - np.arange(len(costs)), 0, 1) / share
         return _in_order(shares, np.argsort(-costs, kind="stable"))
@@ -62,7 +61,7 @@ class ConditionalValueAtRisk(AbstractAggregate):
 
 @dataclass(frozen=True)
 class Quantile(AbstractAggregate):
-    """The cost that a part `level` of the cases do not exceed, linear between cases."""
+    """Cost that a fraction `level` of the cases do not exceed, linear between cases."""
 
     level: float
 
@@ -70,7 +69,7 @@ class Quantile(AbstractAggregate):
         _require_level(self.level)
 
     def weights(self, costs: Costs) -> Costs:
-        """The two cases beside the place asked for."""
+        """Return weights of the two cases beside the quantile."""
         place = self.level * (len(costs) - 1)
         distance = np.abs(np.arange(len(costs)) - place)
         return _in_order(np.clip(1 - distance, 0, 1), np.argsort(costs, kind="stable"))
@@ -78,16 +77,16 @@ class Quantile(AbstractAggregate):
 
 @dataclass(frozen=True)
 class WorstCase(AbstractAggregate):
-    """The largest cost."""
+    """Largest cost."""
 
     def weights(self, costs: Costs) -> Costs:
-        """The worst case alone."""
+        """Return a weight of one on the worst case."""
         return (np.arange(len(costs)) == np.argmax(costs)).astype(float)
 
 
 @dataclass(frozen=True)
 class TailCompression:
-    """A cost that counts as it is, or, with a `scale`, as scale · log(1 + cost/scale)."""
+    """The cost itself, or, with a `scale`, scale · log(1 + cost/scale)."""
 
     scale: float | None = None
 
@@ -96,16 +95,16 @@ class TailCompression:
             raise ValueError(f"Argument `scale` must be positive, but got {self.scale}.")
 
     def __call__(self, costs: np.ndarray) -> np.ndarray:
-        """What the costs count."""
+        """Return the compressed costs."""
         return costs if self.scale is None else self.scale * np.log1p(costs / self.scale)
 
     def slope(self, costs: np.ndarray) -> np.ndarray:
-        """The derivative of that by the costs."""
+        """Return their derivative with respect to the costs."""
         return np.ones_like(costs) if self.scale is None else 1 / (1 + costs / self.scale)
 
 
 class LossGradient(NamedTuple):
-    """A loss with its gradient, and how many cases were masked or bounded to get it."""
+    """A loss with its gradient, and the numbers of masked and bounded cases."""
 
     loss: float
     gradient: Float[np.ndarray, " parameters"]
@@ -115,10 +114,10 @@ class LossGradient(NamedTuple):
 
 @dataclass(frozen=True)
 class Objective:
-    """What is minimised: an aggregate of the cases' costs, each seen through `tail`.
+    """Objective of a tuning: an aggregate of the cases' costs, each compressed by `tail`.
 
-    No case's derivative counts for more than `case_bound` times the median length of the others',
-    so that single cases near divergence do not own the gradient.
+    No derivative of a case exceeds `case_bound` times the median length of all, so that single
+    cases near divergence do not dominate the gradient.
     """
 
     aggregate: AbstractAggregate
@@ -130,14 +129,14 @@ class Objective:
             raise ValueError(f"Argument `case_bound` must be positive, but got {self.case_bound}.")
 
     def value(self, costs: Costs) -> float:
-        """The loss; infinite where no case has a cost."""
+        """Return the loss; infinite where no case has a cost."""
         finite = costs[np.isfinite(costs)]
         return self.aggregate(self.tail(finite)) if len(finite) else float("inf")
 
     def loss_gradient(
         self, costs: Costs, derivatives: Float[np.ndarray, "cases parameters"]
     ) -> LossGradient:
-        """Loss and gradient. Cases without a finite cost or derivative are masked, and counted."""
+        """Return loss and gradient without cases of infinite or NaN cost or derivative."""
         finite = usable_cases(costs, derivatives)
         masked = int((~finite).sum())
         costs, derivatives = costs[finite], derivatives[finite]
@@ -159,7 +158,7 @@ class Objective:
 def usable_cases(
     costs: Costs, derivatives: Float[np.ndarray, "cases parameters"]
 ) -> Bool[np.ndarray, " cases"]:
-    """Which cases have a finite cost and derivative."""
+    """Return which cases have a finite cost and derivative."""
     return np.isfinite(costs) & np.isfinite(derivatives).all(axis=1)
 
 
@@ -175,15 +174,15 @@ def _require_level(level: float) -> None:
 
 
 FIRST_VALIDATION_CASE = 2**29
-"""Cases from this number on choose the best iterate; those below it are trained on."""
+"""First case that validates iterates; those below it are for training."""
 
 FIRST_RECEIPT_CASE = FIRST_VALIDATION_CASE + 2**28
-"""Cases from this number on check the gradients."""
+"""First case that checks the gradients."""
 
 
 @dataclass(frozen=True)
 class TuningSettings:
-    """How a run descends: what `[tuning]` says, in the numbers that the run takes.
+    """Settings of a descent, from the `[tuning]` table.
 
     Fields with the name of a key of `TuningTable` have its value, which is checked there.
     `horizons` are numbers of intervals, each used for an equal share of the steps, the last one the
@@ -211,24 +210,24 @@ class TuningSettings:
     baseline_trajectories: int | None
 
     def numbers(self, step: int) -> np.ndarray:
-        """The cases of a step: the next ones, or always the first."""
+        """Return the cases of a step: the next ones, or always the first."""
         first = step * self.cases if self.fresh_cases else 0
         return np.arange(first, first + self.cases)
 
     def screening(self) -> np.ndarray:
-        """The cases on which starts are chosen: those of the first step, or the first of them."""
+        """Return the cases on which starts are chosen, the first ones of the first step."""
         return self.numbers(0)[: self.screening_cases]
 
     def validation(self) -> np.ndarray:
-        """The cases by which iterates are compared."""
+        """Return the cases by which iterates are compared."""
         return FIRST_VALIDATION_CASE + np.arange(self.validation_cases)
 
     def reached(self, loss: float) -> bool:
-        """Whether a loss on the validation cases is the target's."""
+        """Whether a loss on the validation cases meets the target."""
         return self.target_loss is not None and loss <= self.target_loss
 
     def intervals(self, step: int, whole: int) -> int:
-        """How long the runs of a step are, in intervals of the program."""
+        """Return the length of a step's runs, in intervals of the program."""
         if not self.horizons:
             return whole
         stage = min(step * len(self.horizons) // self.steps, len(self.horizons) - 1)
@@ -237,13 +236,13 @@ class TuningSettings:
 
 @dataclass(frozen=True)
 class TuningPlan:
-    """All that a run needs.
+    """All input of a tuning run.
 
-    `smooth` is what gradients are taken of, `exact` the law as it will fly under the same bounded
-    cost, `refined` the smooth law in finer steps, and `held_out` the exact law under the plain cost
-    with cases of a seed that is never tuned on; `trained_on` is the same for the seed of the
-    training. `widths` says how the smooth law is rounded; `description` is plain data that tells
-    runs apart, `remark` something to be told about the engine.
+    Gradients are those of `smooth`; `exact` is the law as it will fly under the same bounded cost,
+    `refined` the smooth law in finer steps, and `held_out` the exact law under the plain cost with
+    cases of a seed that is never tuned on; `trained_on` is the same for the training's seed.
+    `widths` are those of the smoothing; `description` is plain data that identifies the run,
+    `remark` a note on the engine.
     """
 
     space: SearchSpace
@@ -260,5 +259,5 @@ class TuningPlan:
 
     @property
     def intervals(self) -> int:
-        """Intervals of the whole horizon."""
+        """Number of intervals of the whole horizon."""
         return self.smooth.program.intervals

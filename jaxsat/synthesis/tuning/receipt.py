@@ -1,8 +1,8 @@
-"""The receipt of a run: whether its gradients can be trusted, and what smoothing and steps cost.
+"""Receipt of a run: accuracy of its gradients, and effects of smoothing and steps.
 
-Derivatives are compared with central differences of the same cases' costs, which know nothing of
-automatic differentiation. For the exact law the comparison shows what tuning it would have come
-to: where its torque jumps, its costs have derivatives that automatic differentiation misses.
+Derivatives are compared with central differences of the same cases' costs, which are independent of
+automatic differentiation. For the exact law the comparison shows whether tuning it was possible:
+where its torque jumps, automatic differentiation misses part of the derivative.
 """
 
 from dataclasses import dataclass
@@ -22,19 +22,19 @@ HALF_WIDTHS = (1e-2, 1e-3, 1e-4, 1e-5)
 """Half widths of the central differences, along the search."""
 
 MAX_RELATIVE_ERROR = 0.01
-"""Largest relative error of a derivative that is trusted."""
+"""Largest relative error of a trusted derivative."""
 
 DERIVATIVE_FLOOR = 0.01
-"""The error of a derivative below this part of the largest is relative to that part."""
+"""Errors of derivatives below this fraction of the largest are relative to that fraction."""
 
 
 class GradientCheck(NamedTuple):
-    """Derivatives of the mean cost at one point by both ways, one entry for each number tuned.
+    """Derivatives of the mean cost at one point by both methods, one entry per tuned number.
 
-    `step` is the half width whose difference agrees best, `error` how well, relative to the
+    `step` is the half width whose difference agrees best, `error` the deviation, relative to the
     difference (or to a hundredth of the largest). Cases that fail or have no finite derivative at
-    any of the points are left out: `left_out` of them, of which `undefined` reached their end
-    everywhere and have no finite derivative.
+    any of the points are `left_out`; `undefined` of them reached their end everywhere and have no
+    finite derivative.
     """
 
     automatic: Float[np.ndarray, " parameters"]
@@ -53,7 +53,7 @@ class GradientCheck(NamedTuple):
 
 @dataclass(frozen=True)
 class Receipt:
-    """What a run rests on; `problems` are sentences for a person, none where all is well."""
+    """Checks of a run; `problems` are sentences, none where all is well."""
 
     labels: tuple[str, ...]
     start: GradientCheck
@@ -74,7 +74,7 @@ class Receipt:
 
     @property
     def problems(self) -> list[str]:
-        """Why the gradients must not be trusted; none where none are taken."""
+        """Reasons to distrust the gradients; none where none are taken."""
         problems: list[str] = []
         if self.derivative_free:
             return problems
@@ -96,7 +96,7 @@ class Receipt:
         return problems
 
     def as_data(self) -> dict[str, Any]:
-        """Everything as plain data."""
+        """Convert to plain data."""
         checks = {
             name: {**getattr(self, name)._asdict(), "trusted": getattr(self, name).trusted}
             for name in ("start", "end", "exact_start", "exact_end")
@@ -106,7 +106,7 @@ class Receipt:
 
 
 def make_receipt(plan: TuningPlan, state: DescentState) -> Receipt:
-    """Compare at the first point of the run and at the best one."""
+    """Compare derivatives at the first point of the run and at the best one."""
     first, best = state.validations[0].best_point, state.best_point
     free = plan.settings.descent.derivative_free
     numbers = FIRST_RECEIPT_CASE + np.arange(plan.settings.receipt_cases)
@@ -141,7 +141,7 @@ def make_receipt(plan: TuningPlan, state: DescentState) -> Receipt:
 
 
 def _first_masked(plan: TuningPlan, state: DescentState) -> str:
-    """Which cases the first step that left some out left out, and why; empty without one."""
+    """Describe the first cases left out, with the reason; empty without any."""
     for step, record in enumerate(state.steps):
         if record.masked.any():
             start = int(np.argmax(record.masked > 0))
@@ -152,7 +152,6 @@ def _first_masked(plan: TuningPlan, state: DescentState) -> str:
 
 
 def _no_check(size: int) -> GradientCheck:
-    """The check of a run that takes no derivatives."""
     none = np.full(size, np.nan)
     return GradientCheck(none, none, none, none, 0, 0)
 
@@ -160,9 +159,9 @@ def _no_check(size: int) -> GradientCheck:
 def check_gradients(
     evaluator: CostEvaluator, point: Float[np.ndarray, " parameters"], numbers: np.ndarray
 ) -> GradientCheck:
-    """Derivatives of the mean cost at a point, by the evaluator and by central differences.
+    """Compare derivatives of the mean cost at a point with central differences.
 
-    A point at a bound is moved inside by the largest half width, so that both sides are there.
+    A point at a bound is moved inside by the largest half width, so that both sides exist.
     """
     size, space = len(point), evaluator.space
     low, high = space.ends

@@ -1,4 +1,4 @@
-"""Tuning a scenario in one call: descent, receipt, verdict, and the folder of all that."""
+"""Tuning of a scenario in one call: descent, receipt, verdict, and the folder of results."""
 
 import json
 from collections.abc import Callable
@@ -38,20 +38,20 @@ TUNED, SUMMARY, BASELINES = "tuned.toml", "summary.md", "baselines.json"
 
 
 CASE = 1000
-"""Bytes of a case in memory, and as much for each gain, about."""
+"""Approximate bytes of a case in memory, and as much for each gain."""
 
 FOLDER = 10**7
-"""Bytes of a folder, most of them figures, about."""
+"""Approximate bytes of a folder, most of them figures."""
 
 
 @dataclass(frozen=True)
 class TuningResult:
-    """What tuning found: the scenario with the best gains, and whether to trust them.
+    """Result of tuning: the scenario with the best gains, and its checks.
 
     `receipt` says whether the gradients were right, `verdict` how both scenarios do on cases that
-    were never tuned on, `baselines` what other methods found; they are computed when they are first
-    asked for. `plan.remark` says why an engine was not taken. `kept` is the document of a run
-    that was complete before, in its folder, None for another one.
+    were never tuned on, `baselines` what other methods reach; they are computed on first access.
+    `plan.remark` says why an engine was not used. `kept` is the document of an earlier complete run
+    in the same folder, else None.
     """
 
     original: Scenario
@@ -64,19 +64,19 @@ class TuningResult:
 
     @once_property
     def receipt(self) -> Receipt:
-        """Whether the gradients were right."""
+        """Check of the gradients."""
         self.listener.progress("computing the receipt", None)
         return make_receipt(self.plan, self.state)
 
     @once_property
     def verdict(self) -> TuningVerdict:
-        """How both scenarios do on cases that were never tuned on."""
+        """Results of both scenarios on cases that were never tuned on."""
         self.listener.progress("evaluating held-out cases", None)
         return make_verdict(self.plan, self.state.best_point)
 
     @once_property
     def baselines(self) -> tuple[BaselineResult, ...]:
-        """What other methods found, none if they were not asked for."""
+        """Results of other methods, empty unless requested."""
         if not self.with_baselines:
             return ()
 
@@ -87,7 +87,7 @@ class TuningResult:
 
     @property
     def gains(self) -> dict[str, float]:
-        """The best gains by the name of their key, each in its unit."""
+        """Best gains by the name of their key, each in its unit."""
         return dict(zip(self.verdict.labels, map(float, self.verdict.gains_after), strict=True))
 
     @property
@@ -97,7 +97,7 @@ class TuningResult:
 
     @property
     def document(self) -> Document:
-        """What `jaxsat tune` prints."""
+        """The document that `jaxsat tune` prints."""
         if self.kept is not None:
             return self.kept
         baselines = as_data(self.baselines)
@@ -106,7 +106,7 @@ class TuningResult:
 
     @property
     def summary(self) -> str:
-        """What `jaxsat tune` prints, in Markdown."""
+        """The document that `jaxsat tune` prints, in Markdown."""
         return markdown_page(self.document)
 
 
@@ -121,13 +121,13 @@ def tune(
     elsewhere: bool = False,
     listener: Listener = Listener(),
 ) -> TuningResult:
-    """Tune gains of a scenario over its dispersions, as its `[tuning]` table says.
+    """Tune gains of a scenario over its dispersions by its `[tuning]` table.
 
-    `engine`, `batch_size`, `workers` (None: as many as processors), `baselines` and `elsewhere`
-    are the options of `jaxsat tune`. With `out` the run is kept in that folder, with the files
-    that the command writes, and the same call resumes it. `listener.progress` is called after every
-    step. Raises `ValueError` where the scenario cannot be tuned, `OutputError` for a folder that
-    cannot be used, and `NoGradient` where no case of a step has a usable gradient.
+    `engine`, `batch_size`, `workers` (None: as many as processors), `baselines` and `elsewhere` are
+    the options of `jaxsat tune`. With `out` the run is kept in that folder, with the files of the
+    command, and the same call resumes it. `listener.progress` is called after every step. Raises
+    `ValueError` where the scenario cannot be tuned, `OutputError` for a folder that cannot be used,
+    and `NoGradient` where no case of a step has a usable gradient.
     """
     listener.progress("compiling", None)
     plan = build_plan(
@@ -153,7 +153,7 @@ def tune(
 
 
 def tuning_work(plan: TuningPlan, baselines: bool) -> Work:
-    """What the descent and the verdict take, about; a gradient of n gains counts n + 1."""
+    """Estimate the work of descent and verdict; a gradient of n gains counts n + 1."""
     settings = plan.settings
     free = settings.descent.derivative_free
     gradients = (
@@ -181,7 +181,7 @@ def run_descent(
     *,
     report: Callable[[DescentProgress], None] | None = None,
 ) -> DescentState:
-    """The last state; the folder keeps every state on the way, with the best gains so far."""
+    """Run the descent to its last state; every state and its best gains are written."""
 
     def keep(state: DescentState) -> None:
         best = tuned_scenario(scenario, plan, state.best_point)
@@ -201,7 +201,7 @@ def _conclude(
     baselines: bool,
     listener: Listener,
 ) -> TuningResult:
-    """Receipt, verdict and all files; the summary last, by which a run is known to be complete."""
+    """Write receipt, verdict and all files; the summary last, which marks a complete run."""
     result = _result(scenario, plan, state, baselines, listener)
     receipt = result.receipt
     _write_json(folder, "receipt.json", receipt.as_data())
@@ -234,7 +234,7 @@ def _descent_report(listener: Listener) -> Callable[[DescentProgress], None]:
 
 
 def read_document(title: str, folder: TuningFolder) -> Document:
-    """The document of a concluded run."""
+    """Return the document of a concluded run."""
     names = ("verdict.json", "receipt.json", BASELINES)
     verdict, receipt, baselines = (parse_json(folder.files.read(name)) for name in names)
     return tuning_document(title, verdict, receipt, baselines or (), missing_packages())
@@ -246,7 +246,6 @@ def _write_json(folder: TuningFolder | None, name: str, data: Any) -> None:
 
 
 def _write_results(result: TuningResult, folder: TuningFolder) -> None:
-    """The history, the summary, and the figures made of the history and of the verdict."""
     from jaxsat.report.saving import save_figures
     from jaxsat.store.netcdf import dataset_bytes
 

@@ -1,7 +1,7 @@
 """Covariance matrix adaptation (N. Hansen's `cma`) over a search.
 
-The state of a strategy is its history: asked and told the same again it gives the same population,
-so that a run is resumed from the records of its steps alone.
+The state of a strategy is its history: the same history gives the same population, so that a run is
+resumed from the records of its steps alone.
 """
 
 from collections.abc import Sequence
@@ -12,13 +12,13 @@ import numpy as np
 from jaxsat.synthesis.tuning.parameters import SearchSpace, Values
 
 INITIAL_DEVIATION = 0.25
-"""First standard deviation, in parts of the bounds' distance in the search."""
+"""Initial standard deviation, over the distance of the bounds in the search."""
 
 PACKAGE = "cma"
 
 
 def new_strategy(first: np.ndarray, seed: int, population: int | None = None) -> Any:
-    """A strategy in the unit cube from a first mean; it ends by nothing but its caller."""
+    """Return a strategy in the unit cube from an initial mean, without stopping criteria."""
     import cma
 
     options = {
@@ -42,10 +42,10 @@ def next_population(
     population: int,
     history: Sequence[tuple[Values, np.ndarray]],
 ) -> Values:
-    """The points (population, parameters) to try after a history of points and their losses.
+    """Return the points (population, parameters) to try after a history of points and losses.
 
-    The first population has the `start` itself, a point of the search, in it. A loss that is not
-    finite counts as worse than all others.
+    The first population contains `start`, a point of the search. A loss that is not finite counts
+    as worse than all others.
     """
     low, high = space.ends
     strategy = new_strategy((start - low) / (high - low), seed, population)

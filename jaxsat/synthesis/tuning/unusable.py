@@ -1,4 +1,4 @@
-"""Cases without a usable gradient: which, by which gain, and which operation made it NaN."""
+"""Cases without a usable gradient: numbers, gains, and the operation that made it NaN."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -15,11 +15,11 @@ from jaxsat.synthesis.tuning.cost_evaluator import CaseGradients, CostEvaluator
 from jaxsat.synthesis.tuning.plan import usable_cases
 
 LISTED = 8
-"""Numbers of cases that are listed one by one."""
+"""Largest number of cases that are listed one by one."""
 
 
 class NoGradient(JaxsatError):
-    """No case of a step has a usable gradient, at none of its points."""
+    """No case of a step has a usable gradient at any of its points."""
 
     failure = True
 
@@ -27,9 +27,9 @@ class NoGradient(JaxsatError):
 class Unusable(NamedTuple):
     """Cases at one point of the search whose cost or derivative is not finite.
 
-    `cases` are the numbers of those, of `asked` cases, and `impossible` how many of them cannot
-    exist; `gains` are the labels by which their derivatives are not finite. `reason` is a sentence
-    on the first one.
+    `cases` are their numbers among `asked` cases, and `impossible` counts those that cannot exist;
+    `gains` are the labels of derivatives that are not finite. `reason` is a sentence on the first
+    one.
     """
 
     cases: list[int]
@@ -54,9 +54,9 @@ def unusable(
     intervals: int | None,
     gradients: CaseGradients | None = None,
 ) -> Unusable | None:
-    """What is wrong with the cases `numbers` at a point of the search; None where nothing is.
+    """Diagnose the cases `numbers` at a point of the search; None where all are usable.
 
-    `gradients` are those of the cases there, if they are known, and are taken of this point alone.
+    `gradients` are those of the cases at this point, if known.
     """
     if gradients is None:
         gradients = evaluator.differentiate(point[None], numbers, intervals)
@@ -88,7 +88,7 @@ def unusable(
 
 
 def _why(evaluator: CostEvaluator, point, number: int, gain: int, intervals, value: float) -> str:
-    """Why a derivative is not finite, after its name."""
+    """Complete a sentence with the reason why a derivative is not finite."""
     if not np.isnan(value):
         return "is infinite"
     if evaluator.gradient == "differences":
@@ -101,7 +101,7 @@ def _why(evaluator: CostEvaluator, point, number: int, gain: int, intervals, val
 
 
 def _in_source(place: tuple[Place, ...]) -> str:
-    """The innermost call that is known, a file of jaxsat's relative to its package."""
+    """Describe the innermost known call, a file of jaxsat relative to its package."""
     if not place:
         return ""
     last, package = place[-1], Path(jaxsat.__file__).parent.parent

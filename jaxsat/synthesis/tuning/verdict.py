@@ -1,4 +1,4 @@
-"""The verdict: the exact law before and after, on cases that were never tuned on."""
+"""Verdict of tuning: the exact law before and after, on cases that were never tuned on."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -18,15 +18,15 @@ from jaxsat.synthesis.tuning.cost_evaluator import CostEvaluator, TrajectoryCoun
 from jaxsat.synthesis.tuning.plan import TuningPlan
 
 BLOCK = 8192
-"""Cases evaluated at a time."""
+"""Number of cases evaluated at a time."""
 
 
 class GainEvaluation(NamedTuple):
     """The exact law at one set of gains on one set of cases.
 
     `cost` is the mean plain cost of the cases that reached their end, `failed` the fraction of the
-    others, `alarming` that of the cases above the alarm or failed, `loss` the objective that was
-    tuned. `columns` has settling time (s), effort (N m s), cost and code of every case.
+    others, `alarming` that of the cases above the alarm or failed, `loss` the tuned objective.
+    `columns` has settling time (s), effort (N m s), cost and code of every case.
     """
 
     summary: Summary
@@ -37,7 +37,7 @@ class GainEvaluation(NamedTuple):
     columns: Mapping[str, np.ndarray]
 
     def as_data(self) -> dict[str, Any]:
-        """The numbers without the columns and without what depends on which dispersion."""
+        """Convert to plain data, without columns and sensitivities."""
         summary = self.summary
         numbers = {
             "cases": summary.cases,
@@ -55,12 +55,12 @@ class GainEvaluation(NamedTuple):
 
 @dataclass(frozen=True)
 class TuningVerdict:
-    """Before and after on held-out cases and on those of the training's seed.
+    """Gains before and after on held-out cases and on those of the training's seed.
 
     `better` is the mean difference of costs, before less after, of the held-out cases that reach
     their end both times. `at_bounds` has the bounds that gains after are at, by label. `singular`
-    is the part of the cost after that (w, z) add to what the rotation itself costs: |w| has no
-    bound upside down, and z counts turns; None where the rotation is what costs.
+    is the fraction of the cost after that (w, z) add to that of the rotation itself: |w| has no
+    bound upside down, and z counts turns; None where the cost is that of the rotation.
     """
 
     labels: tuple[str, ...]
@@ -76,12 +76,12 @@ class TuningVerdict:
 
     @property
     def overfitting(self) -> float:
-        """The loss held out less that in training, in parts of the loss in training."""
+        """Excess of the held-out loss over the training loss, relative to the latter."""
         trained = self.trained_after.loss
         return (self.after.loss - trained) / trained
 
     def as_data(self) -> dict[str, Any]:
-        """Everything as plain data."""
+        """Convert to plain data."""
         gains = {
             label: {"before": before, "after": after}
             for label, before, after in zip(
@@ -102,7 +102,7 @@ class TuningVerdict:
 
 
 def make_verdict(plan: TuningPlan, point: Float[np.ndarray, " parameters"]) -> TuningVerdict:
-    """Evaluate the gains the scenario had and those of `point`."""
+    """Evaluate the scenario's original gains and those of `point`."""
     own = plan.space.projected(plan.space.to_search(plan.start))
     points = np.stack([own, point])
     count = plan.settings.held_out_cases
@@ -126,7 +126,7 @@ def make_verdict(plan: TuningPlan, point: Float[np.ndarray, " parameters"]) -> T
 
 
 def _singular_part(evaluator: CostEvaluator, point: np.ndarray, cost: np.ndarray) -> float | None:
-    """The part of these costs of cases that a bounded cost of the attitude does not have."""
+    """Return the fraction of these costs that a bounded cost of the attitude does not have."""
     program = evaluator.program
     if program.cost.attitude == "rotation":
         return None
@@ -147,11 +147,11 @@ def evaluate_gains(
 
 
 def mean_interval(values: np.ndarray) -> Interval:
-    """A mean with its interval; NaN where there are no values.
+    """Return a mean with its interval; NaN without values.
 
-    The t statistic with its skewness transformed away: P. Hall, J. R. Stat. Soc. B 54, 1992. Of 25,
-    200 and 1000 exponential draws it covers the mean in 92, 95 and 95 of 100 samples, of lognormal
-    ones (σ = 1.5) in 81, 91 and 94: of a heavy tail no sample tells how heavy it is.
+    The t statistic with its skewness transformed away: P. Hall, J. R. Stat. Soc. B 54, 1992. With
+    25, 200 and 1000 exponential draws it covers the mean in 92, 95 and 95 of 100 samples, with
+    lognormal ones (σ = 1.5) in 81, 91 and 94: no sample shows how heavy a tail is.
     """
     count = len(values)
     if not count:
@@ -204,7 +204,7 @@ def _evaluation(plan: TuningPlan, columns: dict[str, np.ndarray]) -> GainEvaluat
 
 
 def _bound_costs(plan: TuningPlan, cost: np.ndarray) -> np.ndarray:
-    """Plain costs as far as the tuned cost can go, so that failed cases count in the loss too."""
+    """Bound plain costs by the largest tuned cost, so that failed cases count in the loss."""
     limit = plan.exact.program.cost.limit
     most = np.inf if limit is None else float(limit) * float(plan.exact.program.duration)
     return np.minimum(np.where(np.isnan(cost), np.inf, cost), most)

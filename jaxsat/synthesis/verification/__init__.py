@@ -1,1 +1,1 @@
-"""Requirements verified in the nominal run, over dispersed cases, and with actuators that fail."""
+"""Verification of requirements: nominal run, dispersed cases, and failures of actuators."""

@@ -1,4 +1,4 @@
-"""The conditions under which a scenario's requirements are verified by many cases."""
+"""Conditions under which a scenario's requirements are verified by many cases."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -17,17 +17,17 @@ from jaxsat.studies.dispersion_problems import limits_of
 from jaxsat.synthesis.comparison.acceptance import validated
 
 DISPERSED = "dispersed"
-"""The name of the condition that the scenario's own `[dispersion]` table describes."""
+"""Name of the condition of the scenario's own `[dispersion]` table."""
 
 LEAST_AMOUNT, MOST_AMOUNT = 0.1, 0.9
-"""Fractions between which the amount of a failure is drawn."""
+"""Limits of the drawn amount of a failure, a fraction."""
 
 LAST = 0.5
-"""Part of the duration within which failures strike."""
+"""Fraction of the duration within which failures strike."""
 
 
 class Condition(NamedTuple):
-    """A scenario with dispersions, by the name of its files, and what it is in words."""
+    """A scenario with dispersions, the name of its files, and a description."""
 
     name: str
     text: str
@@ -35,10 +35,10 @@ class Condition(NamedTuple):
 
 
 def conditions_of(scenario: Scenario, failures: bool) -> tuple[list[Condition], list[str]]:
-    """The scenario's own dispersions; with `failures` also these with one actuator that fails.
+    """Return the scenario's own dispersions, with `failures` also those with one failing actuator.
 
-    There is one condition of the second sort for each kind of actuator of which the scenario draws
-    no failures itself. Also gives what cannot be tried, as sentences.
+    There is one condition with failures for each kind of actuator whose failures the scenario does
+    not draw itself. The second result has sentences on conditions that cannot be tried.
     """
     conditions = [Condition(DISPERSED, "dispersed", scenario)]
     obstacles = [] if failures else ["Failures besides those of the scenario were not tried."]
@@ -57,12 +57,12 @@ def conditions_of(scenario: Scenario, failures: bool) -> tuple[list[Condition], 
 
 
 def with_one_failure(scenario: Scenario, actuator: ActuatorDeclaration) -> Scenario:
-    """The scenario, of which one actuator of this kind fails in each case of a study.
+    """Return the scenario in which one actuator of this kind fails in each case of a study.
 
-    Which one, its kind of failure, when and how much are drawn: every device and every kind with
-    equal weights, the time within the first half of the run, a fraction from 0.1 to 0.9. Kinds with
-    another amount than a fraction are left out. Raises `ScenarioError` or `BuildError` where the
-    spacecraft or its law do not take such a failure.
+    Device, kind, time and amount are drawn: every device and every kind with equal weights, the
+    time within the first half of the run, a fraction from 0.1 to 0.9. Kinds with another amount
+    than a fraction are left out. Raises `ScenarioError` or `BuildError` where the spacecraft or its
+    law do not support such a failure.
     """
     data = scenario.model_dump(exclude_none=True, exclude={"tuning"})
     end = LAST * scenario.simulation.duration_s
@@ -84,7 +84,7 @@ def with_one_failure(scenario: Scenario, actuator: ActuatorDeclaration) -> Scena
 
 
 def _drawable(actuator: ActuatorDeclaration, loop: AbstractLoop) -> Iterator[AbstractFailureKind]:
-    """The kinds that a study of this loop can draw whose amount, if any, is a fraction."""
+    """Yield the kinds that a study of this loop can draw, without amount or with a fraction."""
     most = _most("failure_kind", loop)
     for kind in actuator.drawn:
         if kind <= most and kind.amounts in ((), (FRACTION,)):
@@ -98,9 +98,9 @@ def _most(name: str, loop: AbstractLoop) -> float:
 def _any_working(
     scenario: Scenario, actuator: ActuatorDeclaration, most: float
 ) -> Mapping[str, Any]:
-    """The number, up to `most`, of a device that has not failed before the start.
+    """Return the distribution of the index, up to `most`, of a device that works at the start.
 
-    Thrusters that have are not numbered.
+    Failed thrusters have no index.
     """
     tables = getattr(scenario, actuator.name) if actuator in EFFECTORS else ()
     working = [number for number, one in enumerate(tables) if not one.failed]
@@ -116,7 +116,7 @@ def _uniform(low: float, high: float) -> Mapping[str, Any]:
 
 
 def _working(scenario: Scenario, actuator: ActuatorDeclaration) -> list[str]:
-    """The names of the devices of a kind that work at the start."""
+    """Return the names of the devices of a kind that work at the start."""
     tables, body = getattr(scenario, actuator.name), scenario.spacecraft
     if tables or actuator.name != "thruster":
         return [name for one, name in zip(tables, names_of(tables), strict=True) if not one.failed]
@@ -125,6 +125,6 @@ def _working(scenario: Scenario, actuator: ActuatorDeclaration) -> list[str]:
 
 
 def _draws(scenario: Scenario, actuator: ActuatorDeclaration) -> bool:
-    """Whether the scenario's own dispersions draw what of this kind fails."""
+    """Whether the scenario's own dispersions draw failures of this kind."""
     dispersion = scenario.dispersion
     return dispersion is not None and actuator.failed_quantity.name in dispersion.distributions

@@ -1,4 +1,4 @@
-"""What a verification found: a verdict for every requirement and condition, failure by failure."""
+"""Result of a verification: verdicts on requirements by condition, and recoveries by failure."""
 
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
@@ -10,16 +10,15 @@ from jaxsat.studies.statistics import Interval, WhenDecided
 VerdictName = Literal["met", "violated", "undecided", "not judged", "not tried"]
 
 ORDER: tuple[VerdictName, ...] = ("violated", "undecided", "not judged", "met", "not tried")
-"""Verdicts, the worst first; a condition that does not try a requirement takes nothing away from
-what others show."""
+"""Verdicts, the worst first; a condition that does not try a requirement overrides none."""
 
 
 @dataclass(frozen=True)
 class Criterion:
-    """What is to be shown of each requirement: by at least `fraction` of all cases met, with this
-    `confidence` for all requirements and conditions together, with at most `cases` of a condition.
+    """Criterion of each requirement: met by at least `fraction` of all cases.
 
-    Raises `ArgumentError` for numbers that cannot be.
+    `confidence` is that for all requirements and conditions together; each condition flies at most
+    `cases` cases. Raises `ArgumentError` for invalid numbers.
     """
 
     fraction: float = 0.99
@@ -33,18 +32,17 @@ class Criterion:
         require_counts(cases=self.cases)
 
     def rule(self, decisions: int) -> WhenDecided:
-        """What decides each of so many questions."""
+        """Return the stop rule for this number of joint decisions."""
         return WhenDecided(self.fraction, decisions, 2 * self.confidence - 1)
 
 
 class Demonstration(NamedTuple):
-    """What one condition shows of a requirement.
+    """Evidence of one condition on a requirement.
 
     Of `cases` cases `met` have a margin from 0 on; `fraction` is theirs with the interval of the
-    sequence by which the verdict was reached, None of a single run. The least `margin`, in `unit`,
-    was decided by `signal` at `time` (s) in the case of the number `worst`; it is NaN where a run
-    ended before it was judged, and infinite where there was nothing to judge. `command` flies it
-    again.
+    sequential test, None for a single run. The least `margin`, in `unit`, was decided by `signal`
+    at `time` (s) in the case `worst`; it is NaN where a run ended before it was judged, and
+    infinite where there was nothing to judge. `command` flies the case again.
     """
 
     requirement: str
@@ -62,13 +60,13 @@ class Demonstration(NamedTuple):
 
 
 class FailureRow(NamedTuple):
-    """What comes of one kind of failure of one device, over the cases in which it was drawn.
+    """Outcome of one kind of failure of one device, over the cases in which it was drawn.
 
     The times (s) are medians: from the failure to its detection, and until recovered cases had
     settled; NaN where there are none. `detected` and `isolated` are None for a law that does not
-    diagnose. `left` is what most of the failures leave, `propellant` (kg) a median or NaN. `met`
-    counts the cases that meet each requirement, and `worst` is the case with the least margin of
-    the requirement that fewest meet; `command` flies it again.
+    diagnose. `left` is the most frequent class of remaining torques, `propellant` (kg) a median or
+    NaN. `met` counts the cases that meet each requirement, and `worst` is the case with the least
+    margin of the requirement that fewest meet; `command` flies it again.
     """
 
     device: str
@@ -87,9 +85,9 @@ class FailureRow(NamedTuple):
 
 
 class Verification(NamedTuple):
-    """Everything that a verification found; `sentences` are what requirements say, by id.
+    """Result of a verification; `sentences` are the requirements' texts, by id.
 
-    `not_tried` has sentences on what was left out.
+    `not_tried` has sentences on conditions that were left out.
     """
 
     title: str
@@ -100,7 +98,7 @@ class Verification(NamedTuple):
     not_tried: list[str]
 
     def verdict(self, requirement: str) -> VerdictName:
-        """The worst verdict on a requirement under any condition."""
+        """Return the worst verdict on a requirement under any condition."""
         verdicts = {one.verdict for one in self.shown if one.requirement == requirement}
         return next(one for one in ORDER if one in verdicts)
 
@@ -115,7 +113,7 @@ class Verification(NamedTuple):
         return set(self.verdicts.values()) == {"met"}
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data for a record, but for numbers that are not finite."""
+        """Convert to plain data for a record; numbers may be infinite or NaN."""
         return {
             "title": self.title,
             "demand": vars(self.demand),

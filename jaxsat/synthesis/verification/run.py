@@ -1,4 +1,4 @@
-"""A verification in one call: the nominal run, the studies of all conditions, their verdicts."""
+"""A verification in one call: nominal run, studies of all conditions, and verdicts."""
 
 import json
 import math
@@ -38,14 +38,14 @@ from jaxsat.synthesis.verification.result import (
 )
 
 KIND = "verification"
-"""The kind of the output folder."""
+"""Kind of the output folder."""
 
 RECORD, SCHEMA = "verification.json", "verification.schema.json"
 MATRIX, FAILURES = "matrix.csv", "failures.csv"
 NOMINAL = "nominal"
 
 CHUNK = 256
-"""Cases between two looks at whether all is decided."""
+"""Cases between two checks of the stop rule."""
 
 Columns = Mapping[str, np.ndarray]
 
@@ -63,16 +63,16 @@ def verify(
 ) -> Verification:
     """Verify the requirements of a scenario: nominal, dispersed, and with actuators that fail.
 
-    Each condition flies cases, at most so many, until each requirement is decided: met by at least
+    Each condition flies at most `cases` cases, until each requirement is decided: met by at least
     `fraction` of all cases, or by less. The decision is sequential, by `WhenDecided`, and has the
-    `confidence` for all requirements and conditions together. With `failures` there is one
-    condition more for each kind of actuator, one of which fails. With `out` the studies, the
-    scenarios of all conditions and the results are kept in that folder, and the same call resumes,
-    also with another number of cases.
+    `confidence` for all requirements and conditions together. With `failures` there is one more
+    condition for each kind of actuator, one of which fails. With `out` the studies, the scenarios
+    of all conditions and the results are kept in that folder, and the same call resumes, also with
+    another number of cases.
 
     Raises `MissingTable` for a scenario without requirements or dispersions, `ArgumentError` for
-    numbers that cannot be, `OutputError` for a folder that cannot be used, and `ValueError` for an
-    engine that cannot run the studies.
+    invalid numbers, `OutputError` for a folder that cannot be used, and `ValueError` for an engine
+    that cannot run the studies.
     """
     demand = Criterion(fraction, confidence, cases)
     if not scenario.requirement:
@@ -105,7 +105,7 @@ def verify(
 def _of_nominal(
     scenario: Scenario, folder: ResumableFolder, tell: Callable[[str], None]
 ) -> Iterator[Demonstration]:
-    """What the run of the scenario itself shows, with steps as fine as `jaxsat simulate` takes."""
+    """Judge the run of the scenario itself, with steps as fine as those of `jaxsat simulate`."""
     scenario, dataset = simulated_finely(scenario, tell)
     folder.write(f"{NOMINAL}.toml", dump(scenario))
     command = f"jaxsat simulate {folder.path / f'{NOMINAL}.toml'}"
@@ -120,7 +120,7 @@ def _of_nominal(
 
 @dataclass(frozen=True)
 class _Study:
-    """The study of a condition, and its scenario, whose steps `refined_study` chooses."""
+    """The study of a condition, and its scenario with the steps that `refined_study` chooses."""
 
     condition: Condition
     scenario: Scenario
@@ -128,7 +128,7 @@ class _Study:
 
     @staticmethod
     def of(condition: Condition, count: int, execution: Execution, listener: Listener) -> "_Study":
-        """The study of at most `count` cases."""
+        """Return the study of at most `count` cases."""
         listener.progress(condition.text, None)
         scenario, study = refined_study(
             condition.scenario, count, listener.remark, engine=execution.engine, chunk=CHUNK
@@ -137,13 +137,13 @@ class _Study:
 
     @property
     def file(self) -> str:
-        """The name of the scenario's file."""
+        """File name of the scenario."""
         return f"{self.condition.name}.toml"
 
     def columns(
         self, folder: ResumableFolder, rule: WhenDecided, execution: Execution, listener: Listener
     ) -> Columns:
-        """The columns of as many cases as decide every requirement that studies judge."""
+        """Run as many cases as decide every judged requirement; return their columns."""
         folder.write(self.file, dump(self.scenario))
         store = named_store(folder.path, self.condition.name)
         until, what = WhenAllDecided(rule), self.condition.text
@@ -151,12 +151,12 @@ class _Study:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The requirements that the study judges."""
+        """Requirements that the study judges."""
         requirements = self.study.program.requirements
         return () if requirements is None else requirements.names
 
     def shown(self, columns: Columns, rule: WhenDecided, again: str) -> Iterator[Demonstration]:
-        """What the cases show of each requirement."""
+        """Yield the evidence of the cases on each requirement."""
         count, condition = len(columns.get("code", ())), self.condition.text
         formulas = {one.id: one.parsed for one in self.scenario.requirement}
         summaries = {}
@@ -181,7 +181,7 @@ class _Study:
             )  # fmt: skip
 
     def failure_rows(self, columns: Columns, again: str) -> Iterator[FailureRow]:
-        """What comes of each kind of failure of each device; none where not one fails a case."""
+        """Yield the outcome of each failure of each device, if one actuator fails per case."""
         failures = self.study.failures
         if failures is None or not columns or columns["failure_kind"].shape[1] != 1:
             return
@@ -211,7 +211,7 @@ class _Study:
 
 
 def _if_tried(verdict: VerdictName, margin: float) -> VerdictName:
-    """A verdict, by the least margin of a condition: an infinite one is of no window that began."""
+    """Replace a verdict by "not tried" for an infinite margin: no window began."""
     return "not tried" if margin == math.inf else verdict
 
 
@@ -222,14 +222,13 @@ def _verdict(rule: WhenDecided, met: int, count: int) -> VerdictName:
 
 
 def _median(columns: Columns, name: str, places: np.ndarray) -> float:
-    """The median of what all devices together used; NaN where the study has no such column."""
+    """Return the median total of all devices; NaN where the study has no such column."""
     if name not in columns:
         return math.nan
     return float(np.median(columns[name][places].reshape(len(places), -1).sum(axis=1)))
 
 
 def _write(folder: ResumableFolder, result: Verification) -> None:
-    """The record with its schema, the traceability matrix and the failure table."""
     record = plain_data({"command": command_line(), **result.as_data(), **provenance()})
     folder.write(RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
     folder.write(SCHEMA, text_of("jaxsat.synthesis.verification", SCHEMA))
