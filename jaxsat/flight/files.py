@@ -33,6 +33,7 @@ from jaxsat.flight.readme import readme
 from jaxsat.flight.search import NoSearch, found_calls
 from jaxsat.flight.source import header, source
 from jaxsat.flight.templates import DEVIATIONS, template
+from jaxsat.flight.trace_table import trace_table
 from jaxsat.flight.vectors import Reference, Vectors, vectors
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
@@ -116,6 +117,7 @@ def export(request: Request) -> Export:
         "prove_controller.c": prove_source(program, intro),
         "cortex_m.c": template("cortex_m.c"),
         "freertos_task.c": freertos_task(program),
+        "trace.csv": trace_table(program, texts["controller.c"]),
         "misra_deviations.txt": "".join(f"{rule}\n" for rule in DEVIATIONS),
         "mcdc.py": template("mcdc.py"),
         "Makefile": template("Makefile", ULP=ulp),

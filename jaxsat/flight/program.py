@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxsat.compiler.c.layout import Struct, about, fields_of, parameter_fields
 from jaxsat.compiler.c.naming import Names
-from jaxsat.compiler.ir import Function, Value, uses
+from jaxsat.compiler.ir import Function, Source, Value, uses
 from jaxsat.compiler.scalar_program import ScalarProgram, scalar_program
 from jaxsat.core.fingerprint import fingerprint
 from jaxsat.flight.flight import (
@@ -57,8 +57,8 @@ class FlightProgram:
     the structure, `now` and `begun` an input and a state for their shapes. These count samples from
     the first on; the structures have them from any number on, and the state has the first. `order`
     tells of each array of `FlightController` which of the parameters it is. `calls` has the call of
-    each stage in C, and `functions` the elementary ones of numbers by their C names, once that is
-    written.
+    each stage in C, `functions` the elementary ones of numbers by their C names, `origins` the
+    Python functions of C functions, and `wholes` what each part is a part of, once that is written.
     """
 
     begin: list[ProgramStage]
@@ -78,6 +78,8 @@ class FlightProgram:
     order: list[int]
     calls: dict[str, str] = field(default_factory=dict)
     functions: dict[str, Function] = field(default_factory=dict)
+    origins: dict[str, list[Source]] = field(default_factory=dict)
+    wholes: dict[str, str] = field(default_factory=dict)
 
 
 def flight_program(loop: object, start: PlantState, *, single: bool = False) -> FlightProgram:

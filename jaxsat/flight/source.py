@@ -1,5 +1,6 @@
 """controller.h and controller.c of a flight program."""
 
+import inspect
 import re
 from collections.abc import Sequence
 
@@ -11,7 +12,8 @@ from jaxsat.compiler.c.functions import Unit
 from jaxsat.compiler.c.naming import Names, comment, identifier
 from jaxsat.compiler.c.python_functions import python_function
 from jaxsat.compiler.c.tidying import wrapped
-from jaxsat.compiler.ir import Value
+from jaxsat.compiler.ir import Source, Value
+from jaxsat.flight.flight import FlightController
 from jaxsat.flight.guard import real_type
 from jaxsat.flight.program import FlightProgram, ProgramStage
 from jaxsat.flight.templates import template
@@ -88,6 +90,8 @@ def source(program: FlightProgram, intro: Sequence[str], *, libm: bool) -> str:
     calls = {stage.name: _stage(unit, stage) for stage in (*program.begin, *program.step)}
     program.calls.update(calls)
     program.functions.update(unit.of_numbers)
+    program.origins.update(unit.origins)
+    program.wholes.update(unit.wholes)
     lines = [*intro, '#include "controller.h"', ""]
     lines += ["#include <float.h>", "#include <math.h>", "#include <string.h>", ""]
     lines += _PRAGMAS
@@ -183,6 +187,8 @@ def _stage(unit: Unit, stage: ProgramStage) -> str:
     name = unit.names.new(stage.name)
     text, names, printed = python_function(unit, stage.title, function, trace, begin)
     unit.write(text, names, lambda: name)
+    place = inspect.getfile(FlightController)
+    unit.origins[name] = [Source(f"{FlightController.__name__}.{stage.name}", place, (), ())]
     return f"{name}({', '.join(printed.pointers)});"
 
 

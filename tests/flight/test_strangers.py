@@ -16,6 +16,7 @@ from jaxsat.scenario.build.run import build
 from jaxsat.simulation.sampled_loop import SampledLoop
 from tests.flight.folders import write_files
 from tests.flight.sizes import sizes, too_large
+from tests.flight.traced import check_trace
 
 PROVENANCE = {"versions": {"jaxsat": "0"}, "platform": "here", "created": "now"}
 
@@ -50,6 +51,8 @@ LAWS = {
     "oddities:Tabulated": "gain = 2.0",
     "oddities:Long": "gain = 2.0",
 }
+
+LAW_FILES = [Path(__file__).with_name(name) for name in ("strangers.py", "oddities.py")]
 
 BY_RULES = ("strangers:Moody", "oddities:RingBuffer", "oddities:Quantised", "oddities:Tabulated")
 """Enumerations and branches, whole numbers, casts, tables, loops: cppcheck takes 10 s and more."""
@@ -90,8 +93,8 @@ def _one_flight_of_a_loop(monkeypatch):
 def folder(tmp_path_factory):
     """Where the laws are: a module is imported once."""
     place = tmp_path_factory.mktemp("strangers")
-    for file in ("strangers.py", "oddities.py"):
-        shutil.copy(Path(__file__).with_name(file), place)
+    for file in LAW_FILES:
+        shutil.copy(file, place)
     return place
 
 
@@ -106,6 +109,8 @@ def _agrees(folder: Path, scenario, compilers, precisions=(False, True)) -> None
         made = export(Request(run.loop, run.start, 400.0, "", "", PROVENANCE, single=single))
         assert len(sizes(made.files["controller.c"].decode())) > 10
         assert too_large(made.files) == {}
+        table, code = (made.files[name].decode() for name in ("trace.csv", "controller.c"))
+        check_trace(table, code, LAW_FILES)
         assert table_cautions(made.program) == ()  # cFS's parameter table has a default size
         place = folder / ("single" if single else "double")
         place.mkdir()

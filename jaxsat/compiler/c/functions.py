@@ -15,7 +15,7 @@ from jaxsat.compiler.c.printer import Printer
 from jaxsat.compiler.c.python_functions import python_function
 from jaxsat.compiler.c.tidying import WIDEST, braced, dimensions, in_lines
 from jaxsat.compiler.c.unit import AbstractUnit, CallSignature
-from jaxsat.compiler.ir import Function, Memory
+from jaxsat.compiler.ir import Function, Memory, Source
 from jaxsat.compiler.trace import Trace
 
 LIBM = frozenset((
@@ -30,7 +30,8 @@ class Unit(AbstractUnit):
 
     `of_numbers` are the elementary functions of floats alone, by their names; `contexts` are those
     of the functions of the stage that is printed; `types` of the pointers to
-    structures, and `shapes` of the arrays there.
+    structures, and `shapes` of the arrays there. `origins` has the Python functions of each C
+    function, and `wholes` of each part the function that it is a part of.
     """
 
     def __init__(self, libm: bool, types: dict[str, str], shapes: dict[str, tuple[int, ...]]):
@@ -40,6 +41,8 @@ class Unit(AbstractUnit):
         self.tables: dict[str, str] = {}
         self.functions: list[list[str]] = []
         self.of_numbers: dict[str, Function] = {}
+        self.origins: dict[str, list[Source]] = {}
+        self.wholes: dict[str, str] = {}
         self.contexts: dict[int, Context] = {}
         self._reserved: dict[str, str] = {}
         self._printed: dict[int, CallSignature] = {}
@@ -140,6 +143,7 @@ class Unit(AbstractUnit):
                 word: self.names.new(f"{name}_{'part' if f'_{wish}_' in f'_{name}_' else wish}")
                 for word, wish in parts.wishes.items()
             }
+            self.wholes |= {words[part]: name for part in parts.wishes if part.isdecimal()}
             words[""] = name
             for record in ("arguments", "results"):
                 words[record] = f"{name}_{record}"
@@ -183,6 +187,7 @@ class Unit(AbstractUnit):
         context = self.contexts[id(function)]
         text, names, printed = python_function(self, heading, function, trace, context)
         name = self.write(text, names, lambda: self._name(identifier(word)))
+        self.origins.setdefault(name, []).append(source)
         arguments, found = (
             one and replace(one, kind=one.kind.replace("@", f"{name}_"))
             for one in (printed.arguments, printed.found)

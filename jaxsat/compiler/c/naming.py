@@ -124,6 +124,21 @@ def _statements(file: str) -> dict[int, ast.stmt]:
 
 def docstring(file: str, function: str) -> str:
     """The first paragraph that a Python function says of itself; `function` is its full name."""
+    definition = _definition(file, function)
+    text = ast.get_docstring(definition) if definition is not None else None
+    return " ".join(text.split("\n\n")[0].split()) if text else ""
+
+
+def line_of(file: str, function: str) -> int | None:
+    """The line of a file in which a function of this full name is defined, None if it is not."""
+    definition = _definition(file, function)
+    return None if definition is None else definition.lineno
+
+
+_Definition = ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
+
+
+def _definition(file: str, function: str) -> _Definition | None:
     body: list[ast.stmt] = _statements_of(file)
     definition = None
     for word in function.split("."):
@@ -132,13 +147,9 @@ def docstring(file: str, function: str) -> str:
         inside = (node for node in _definitions(body) if node.name == word)
         definition = next(inside, None)
         if definition is None:
-            return ""
+            return None
         body = definition.body
-    text = ast.get_docstring(definition) if definition is not None else None
-    return " ".join(text.split("\n\n")[0].split()) if text else ""
-
-
-_Definition = ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
+    return definition
 
 
 def _definitions(body: Iterable[ast.stmt]) -> Iterator[_Definition]:

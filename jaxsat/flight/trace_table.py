@@ -1,0 +1,45 @@
+"""trace.csv: which Python function each function of controller.c comes from."""
+
+import csv
+import io
+import re
+from pathlib import Path
+
+import jaxsat
+from jaxsat.compiler.c.naming import line_of
+from jaxsat.flight.program import FlightProgram
+
+COLUMNS = ("function", "line", "part_of", "python_function", "python_file", "python_line")
+
+_HEAD = re.compile(r"^(?!typedef|struct)\w[^;{}=#/]*?\b(\w+)\([^;{}]*?\)\s*\{$", re.M)
+
+
+def trace_table(program: FlightProgram, code: str) -> str:
+    """The text: a row for each function of the C text of a program, in the order of that text.
+
+    A function of which several equal Python functions were made has a row for each. A part has the
+    Python function of the whole. The interface, elementary functions and operations on numbers and
+    arrays have none.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for match in _HEAD.finditer(code):
+        name, line = match[1], code.count("\n", 0, match.start()) + 1
+        whole = program.wholes.get(name, "")
+        places = {
+            (one.name, _short(one.file), line_of(one.file, one.name))
+            for one in program.origins.get(whole or name, ())
+        }
+        for place in sorted(places, key=str) or [("", "", None)]:
+            writer.writerow([name, line, whole, *place])
+    return text.getvalue()
+
+
+def _short(file: str) -> str:
+    """A file without the folders of this machine: from its package on, or its name alone."""
+    path, root = Path(file), Path(jaxsat.__file__).parent.parent
+    if path.is_relative_to(root):
+        return path.relative_to(root).as_posix()
+    above, packages, inside = path.as_posix().rpartition("/site-packages/")
+    return inside if above and packages else path.name
