@@ -1,1 +1,1 @@
-"""Pictures of results: datasets in, matplotlib figures out."""
+"""Reports of results: documents, and figures by matplotlib."""

@@ -1,4 +1,4 @@
-"""What each actuator of a run did, a row for each, and the torque that every kind of them made."""
+"""Table of what each actuator of a run did, and shares of the torque by kind of actuator."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -15,12 +15,11 @@ from jaxsat.report.saturation import MARKS, STORE, first_time
 from jaxsat.report.shares import shares_of
 
 FATE = "failure"
-"""The last column."""
+"""Heading of the last column."""
 
 
 def share_sentence(dataset: xr.Dataset) -> Iterator[str]:
-    """The parts of the torque over time, ∫|T| dt, of every kind of actuator, with the propellant;
-    nothing where one kind makes it all."""
+    """Yield a sentence on each kind's share of ∫|T| dt, with the propellant; none for one kind."""
     shares = shares_of(dataset)
     if shares is None:
         return
@@ -40,9 +39,9 @@ def share_sentence(dataset: xr.Dataset) -> Iterator[str]:
 def actuator_tables(
     dataset: xr.Dataset, scenario: Mapping[str, Any], failures: Sequence[tuple[float, str]]
 ) -> Iterator[Table]:
-    """What each device did and how it failed; none without signals of single devices.
+    """Yield the table of what each device did and how it failed, if signals of devices exist.
 
-    A number has a column with its unit, which is empty for devices without it.
+    Each number has a column with its unit; cells of devices without it are empty.
     """
     rows: list[dict[str, Cell]] = []
     for kind in ACTUATORS:
@@ -70,7 +69,7 @@ def actuator_tables(
 def _numbers(
     dataset: xr.Dataset, signal: Signal, noun: str, place: int, table: Mapping[str, Any]
 ) -> dict[str, Cell]:
-    """What a signal says of one device, by heading: start, end and peak, seconds, or a count."""
+    """Return the cells of one device's signal by heading: start, end, peak, seconds, or count."""
     values, time = dataset[signal.name].values[:, place], dataset["time"].values
     if signal.mean:
         return {"at full thrust (s)": _shown(np.diff(time) @ values[:-1])}
@@ -93,11 +92,10 @@ def _numbers(
 
 
 def _shown(value: Any, scale: float = 0.0, digits: int = 3) -> Shown:
-    """A number that is read with some digits and sorts by all."""
+    """Return a number displayed with few digits and sorted by its full value."""
     return Shown(number_text(float(value), digits, scale=scale), float(value))
 
 
 def _fate(name: str, failures: Sequence[tuple[float, str]]) -> str:
-    """How it failed in flight, such as "dead at 300 s"."""
     own = [(at, what) for at, what in failures if what.startswith(f"{name} ")]
     return "; ".join(f"{what.removeprefix(name).strip()} at {at:g} s" for at, what in own)

@@ -1,4 +1,4 @@
-"""Which law to take and how all did, as a document of the record `comparison.json`."""
+"""Document of a comparison of laws, from the record `comparison.json`."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
@@ -9,11 +9,11 @@ from jaxsat.report.study_document import fraction_cell, interval_cell, interval_
 from jaxsat.studies.statistics import percent_texts
 
 ENDS = {"settled": "settled", "rest": "exact rest, which no law reaches"}
-"""Where a manoeuvre ends, in words."""
+"""Description of the ends of a manoeuvre."""
 
 LAW_COLUMNS = ("law", "cases", "settled", "t50 (s)", "t90 (s)", "effort (N m s)",
                "peak rate (rad/s)")  # fmt: skip
-"""What `law_cells` says of a law, by heading."""
+"""Headings of the cells of `law_cells`."""
 
 LAWS_NOTE = (
     "t50 and t90: half and 90 % of all cases have settled; effort: the median; peak rate: the "
@@ -22,7 +22,7 @@ LAWS_NOTE = (
 
 PRICES = {"propellant_kg_day": "propellant (kg a day)", "momentum_margin": "momentum margin",
           "pointing_error_deg": "pointing error at the end (deg)"}  # fmt: skip
-"""The prices of a law in a scenario, and their headings."""
+"""Prices of a law in a scenario, and their headings."""
 
 PRICES_NOTE = (
     "Medians over completed cases. Propellant: a day's at the mean use of a case, manoeuvres and "
@@ -33,7 +33,7 @@ Record = Mapping[str, Any]
 
 
 def comparison_document(record: Record) -> Document:
-    """The law to take in every place, the laws, failures in flight, and least times.
+    """Return the document: recommended laws, all laws, failures in flight, and least times.
 
     Raises `KeyError` or `TypeError` for a record of another form.
     """
@@ -50,14 +50,14 @@ def comparison_document(record: Record) -> Document:
 
 
 def place_of(row: Record) -> str:
-    """The scenario of a row or verdict, or its place in the acceptance set."""
+    """Return the scenario of a row or verdict, or its place in the acceptance set."""
     if "scenario" in row:
         return str(row["scenario"])
     return f"{row['level']}, {row['torque_limit']:g} N m"
 
 
 def law_cells(row: Record) -> list[Cell]:
-    """What a row of a comparison says of its law, by `LAW_COLUMNS`."""
+    """Return the cells of a row of a comparison, by `LAW_COLUMNS`."""
     settled = interval_of(row["settled"])
     return [
         row["law"],
@@ -70,9 +70,9 @@ def law_cells(row: Record) -> list[Cell]:
 
 
 def price_table(rows: Iterable[Record], place: Sequence[str] = ()) -> Iterator[Table]:
-    """What each law takes of its actuators, and how it points; none of rows without prices.
+    """Yield the table of each law's prices, if any row has them.
 
-    `place` names the entries of a row by which it is found beside its law.
+    `place` names the keys of a row that identify it beside its law.
     """
     rows = [row for row in rows if any(one is not None for one in row.get("prices", {}).values())]
     prices = {
@@ -95,7 +95,6 @@ def _recommendation(verdict: Record) -> str:
 
 
 def _laws(rows: Sequence[Record], least: Sequence[Record]) -> Table:
-    """A row for every law, limit and level."""
     if rows and "scenario" in rows[0]:
         note = f"The same cases under each law. {LAWS_NOTE}"
         return Table("Laws", LAW_COLUMNS, [law_cells(row) for row in rows], note)
@@ -124,7 +123,6 @@ def _least_time(record: Record) -> str:
 
 
 def _recovery_tables(rows: Sequence[Record]) -> Iterator[Table]:
-    """Recovery from failures in flight: a row for every kind, a column for every law."""
     by_law = {row["law"]: row["recovered"] for row in rows if "recovered" in row}
     if not by_law:
         return

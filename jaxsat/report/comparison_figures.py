@@ -1,4 +1,4 @@
-"""Figures of a comparison of laws: settling times, and what recovered; matplotlib `Figure`s out."""
+"""Figures of a comparison of laws: settling times, and recoveries from failures."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -17,11 +17,11 @@ def settling_comparison(
     horizons: Mapping[tuple[str, float | None], float],
     title: str,
 ) -> Figure:
-    """The fraction settled within a time, a line for each law.
+    """Plot the fraction settled within a time, a line for each law.
 
     `panels` has settling times (s, infinite if never) by law, under a level of dispersions and a
-    torque limit (N m), if there is one: a column for each level and a row for each limit.
-    `horizons` (s) end the time axes.
+    torque limit (N m) or None: a column for each level and a row for each limit. `horizons` (s) end
+    the time axes.
     """
     levels = list(dict.fromkeys(level for level, _ in panels))
     limits = list(dict.fromkeys(limit for _, limit in panels))
@@ -33,7 +33,7 @@ def settling_comparison(
 
 
 def recovery_comparison(recovery: Mapping[str, Mapping[str, Any]], title: str) -> Figure:
-    """The recovered fraction of each kind of failure under each law, with 95 % intervals.
+    """Plot the recovered fraction of each kind of failure under each law, with 95 % intervals.
 
     `recovery` has by law and kind `cases` and `fraction`, a mapping of `value`, `low` and `high`.
     """

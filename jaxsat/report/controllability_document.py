@@ -1,4 +1,4 @@
-"""Whether a spacecraft can be steered, now and after every failure, as a document and a dataset."""
+"""Controllability of a spacecraft, as it is and after every failure: document and dataset."""
 
 import math
 from collections import Counter
@@ -42,9 +42,7 @@ COLUMNS = {
 SURVIVES, UNFLOWN = "Survives", "Controllable, but flown by no law of jaxsat"
 BORDERLINE, UNDECIDED = "Borderline", "Not decided"
 OUTCOMES = (SURVIVES, UNFLOWN, BORDERLINE, UNDECIDED)
-"""What a summary counts failures by."""
-"""Headings of the sections on a failure, by their names in the records."""
-
+"""Outcomes by which the summary counts failures."""
 COUNT_WORDS = ("single", "double", "triple")
 ERRORS = ("roll 1°", "pitch 1°", "yaw 1°", "ω1 1 mrad/s", "ω2 1 mrad/s", "ω3 1 mrad/s")
 
@@ -56,10 +54,10 @@ def controllability_document(
     findings: Sequence[str],
     failures: int | None = None,
 ) -> Document:
-    """The verdict, what survives, all failures, and the `findings`.
+    """Return the document: verdict, survival, all failures, and the `findings`.
 
-    `records` are those of `failure_records`, or rows of failures.csv; with `failures` those of so
-    many actuators are listed alone.
+    `records` are those of `failure_records`, or rows of failures.csv; with `failures` only those of
+    this number of actuators are listed.
     """
     selection = [one for one in records if failures in (None, count_failed(one))]
     later = any(one["once_stopped"] != one["verdict"] for one in records)
@@ -81,15 +79,15 @@ def controllability_document(
 
 
 def count_failed(record: Mapping[str, Any]) -> int:
-    """How many actuators have failed in a record."""
+    """Return the number of failed actuators of a record."""
     return 0 if record["failed"] == "none" else len(str(record["failed"]).split())
 
 
 def _survival(records: Sequence[Mapping[str, Any]]) -> list[str]:
-    """After how many failures of one actuator, of two, … a law of jaxsat can fly the spacecraft.
+    """Return sentences on the failures of one actuator, two, … after which a law of jaxsat flies.
 
-    Those that leave it controllable, but by no law, are counted apart, as are those without a
-    verdict.
+    Failures that leave the spacecraft controllable, but by no law, are counted apart, as are those
+    without a verdict.
     """
     cases = Counter(map(count_failed, records))
     words = {number: word for number, word in enumerate(COUNT_WORDS, 1) if cases[number]}
@@ -109,7 +107,7 @@ def _survival(records: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _outcome(record: Mapping[str, Any]) -> str | None:
-    """Which of `OUTCOMES` a failure has; None where control is lost."""
+    """Return the one of `OUTCOMES` that a failure has; None where control is lost."""
     if record["verdict"] in CONTROLLABLE:
         return SURVIVES if LEFT[record["laws"]].everywhere else UNFLOWN
     return {"borderline": BORDERLINE, "not decided": UNDECIDED}.get(record["verdict"])
@@ -140,11 +138,11 @@ def controllability_lines(
     torque: float = 1.0,
     stopped: Judgement | None = None,
 ) -> list[str]:
-    """The findings but the verdict; `torque` (N m) is the command for the time scales.
+    """Return the findings without the verdict; `torque` (N m) is the command for the time scales.
 
     `analysis` is that of the actuators' columns as torques of both signs, None where the momentum
-    of wheels decides in place of their rank; `stopped` the judgement once wheels that coast have
-    stopped, None where none coasts.
+    of wheels decides in place of their rank; `stopped` the judgement once coasting wheels have
+    stopped, None without any.
     """
     jets = torque_cone(judgement.actuators.torques, judgement.actuators.two_sided)
     remarks = [
@@ -195,7 +193,6 @@ def _rank_lines(judgement: Judgement, analysis: Analysis, torque: float) -> list
 
 
 def _local_and_linear(judgement: Judgement, analysis: Analysis, torque: float) -> list[str]:
-    """Small-time local controllability and the linear system, by torques of both signs."""
     local = "Small-time local controllability at rest"
     cone = judgement.cone
     if judgement.one_signed and judgement.laws == "none":
@@ -262,7 +259,7 @@ def failure_dataset(
     verdict: str,
     findings: Sequence[str],
 ) -> "xr.Dataset":
-    """Every failure case with rank, margin and what is lost; the judgement in the attributes.
+    """Return every failure case with rank, margin and loss; the judgement is in the attributes.
 
     `verdict` is a sentence, `findings` are sentences of the document, a line each in an attribute.
     """

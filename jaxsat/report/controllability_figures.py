@@ -1,4 +1,4 @@
-"""Figures of the controllability analysis: data in, Figure out.
+"""Figures of the controllability analysis.
 
 Lightness alone carries the values (cividis), the uncontrollable set is hatched or outlined, so the
 figures read in grey and with any colour vision.
@@ -46,10 +46,10 @@ def inertia_map(
     spacecraft: Float[np.ndarray, "3"] | None = None,
     title: str = "Margin over all bodies",
 ) -> Figure:
-    """Margins over the triangle of physical inertias (`physical_inertias` gives `points`).
+    """Plot margins over the triangle of physical inertias (`physical_inertias` gives `points`).
 
-    The uncontrollable set (margin 0 to rounding, or between grid points) is where shades are
-    darkest; points at exactly zero are outlined in orange. `spacecraft` (3,) marks moments.
+    The uncontrollable set (margin 0 to rounding, or between grid points) is darkest; points at
+    exactly zero are outlined in orange. `spacecraft` (3,) marks moments of inertia.
     """
     figure = Figure(figsize=(7.0, 5.6), layout="constrained")
     axes = figure.add_subplot()
@@ -99,7 +99,7 @@ def _direction_map(
     title: str,
     **look: Any,
 ) -> tuple[Figure, Axes, QuadMesh]:
-    """Values over the azimuth and elevation (rad in, degrees drawn) of what `direction` names."""
+    """Draw values over azimuth and elevation (rad in, degrees drawn) of a `direction`."""
     figure = Figure(figsize=(7.5, 4.4), layout="constrained")
     axes = figure.add_subplot()
     degrees = np.degrees(azimuths), np.degrees(elevations)
@@ -120,10 +120,9 @@ def angle_map(
     uncontrollable: Sequence[Float[np.ndarray, "_ 2"]] = (),
     title: str = "Margin over thruster directions",
 ) -> Figure:
-    """Margins over azimuth and elevation (rad in, degrees drawn).
+    """Plot margins over azimuth and elevation (rad in, degrees drawn).
 
-    `uncontrollable`: curves or points (azimuth, elevation) in rad known to be uncontrollable,
-    drawn over the map.
+    `uncontrollable` are curves or points (azimuth, elevation) in rad, drawn over the map.
     """
     levels = np.maximum(margins, _FLOOR)
     look = {"cmap": "cividis", "norm": _norm(levels)}
@@ -144,9 +143,9 @@ def angle_map(
 
 
 def failure_chart(records: Sequence[dict]) -> Figure:
-    """Margins of every failure case as bars (`failure_records` gives `records`).
+    """Plot margins of every failure case as bars (`failure_records` gives `records`).
 
-    Hatching tells the verdicts apart, a cross marks uncontrollable cases, so no colour is needed.
+    Hatching distinguishes the verdicts, a cross marks uncontrollable cases, so no colour is needed.
     """
     first_records, count = records[:_MOST_ROWS], len(records)
     texts = [textwrap.fill(f"rank {one['rank']}: lost {one['lost']}", 72) for one in first_records]
@@ -202,10 +201,10 @@ def failure_chart(records: Sequence[dict]) -> Figure:
 
 
 def torque_map(cone: TorqueCone, actuators: ActuatorSet, *, without: Sequence[str] = ()) -> Figure:
-    """Angle from every direction of torque to the nearest torque that can be made.
+    """Plot the angle from every direction of torque to the nearest attainable torque.
 
-    Zero inside the cone of the actuators; thrusters, wheels (both ends of their axes) and the
-    direction farthest from all torques are marked. The title tells of actuators that the cone is
+    It is zero inside the cone of the actuators; thrusters, wheels (both ends of their axes) and the
+    direction farthest from all torques are marked. The title names actuators that the cone is
     `without`.
     """
     azimuths, elevations = np.linspace(-np.pi, np.pi, 91), np.linspace(-np.pi / 2, np.pi / 2, 46)
@@ -244,7 +243,7 @@ def torque_map(cone: TorqueCone, actuators: ActuatorSet, *, without: Sequence[st
 def recurrence_chart(
     times: Float[np.ndarray, " n"], distances: Float[np.ndarray, " n"], radius: float
 ) -> Figure:
-    """Distance from the start against time, with the neighbourhood that is to be re-entered.
+    """Plot the distance from the start against time, with the neighbourhood of the start.
 
     `times` in s; `distances` and `radius` as `recurrence` defines them (dimensionless).
     """
@@ -262,7 +261,7 @@ def energy_chart(
     claimed: float,
     bound: Float[np.ndarray, " n"],
 ) -> Figure:
-    """Rotational energy (J) against the claimed bound (18) and the one that holds."""
+    """Plot rotational energy (J) against the claimed bound (18) and the one that holds."""
     lines = [
         Line(times, energies, "energy under T_d"),
         Line(times[[0, -1]], np.full(2, claimed), "claim (18): C + Σ a_i"),

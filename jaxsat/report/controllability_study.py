@@ -1,4 +1,4 @@
-"""Whether a spacecraft can be steered, now and after every failure: lines, tables and figures."""
+"""Study of controllability, as a spacecraft is and after every failure: findings and figures."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -57,10 +57,10 @@ MAX_ACTUATORS = 8  # 256 cases; of more actuators, single and double failures ar
 
 
 class ControllabilityStudy(NamedTuple):
-    """What the working actuators of a scenario can do, and those left after every failure.
+    """Controllability by the working actuators of a scenario, and after every failure.
 
-    `lines` say it for a person; `drift_lines` what simulation says of the drift, if it was asked,
-    and `drift_data` what is drawn of that.
+    `lines` are the findings; `drift_lines` those of a simulation of the drift, if requested, and
+    `drift_data` the data of its figures.
     """
 
     scenario: Scenario
@@ -72,12 +72,12 @@ class ControllabilityStudy(NamedTuple):
 
     @property
     def findings(self) -> list[str]:
-        """All lines."""
+        """All findings."""
         return [*self.lines, *self.drift_lines]
 
     @property
     def verdict(self) -> str:
-        """A sentence; before it one of control moment gyros, after it one without magnetorquers."""
+        """The verdict as a sentence, first that of gyros, last that without magnetorquers."""
         sentence, gyros = verdict_sentence(self.judgement), _gyro_cluster(self.scenario)
         without, lacking = self.judgement.without_rods, "magnetorquers"
         if gyros is not None:
@@ -91,14 +91,14 @@ class ControllabilityStudy(NamedTuple):
         return f"{first} Without {lacking}: {sentence[0].lower()}{sentence[1:]}"
 
     def document(self, failures: int | None = None) -> Document:
-        """The verdict, every failure, or those of so many actuators, and the findings."""
+        """Return the document of every failure, or of those of `failures` actuators."""
         title = f"Controllability: {self.scenario.title}"
         return controllability_document(
             title, self.verdict, failure_records(self.cases), self.findings, failures
         )
 
     def write(self, folder: OutputFolder) -> None:
-        """Tables, maps and the page; raises `OutputError`."""
+        """Write tables, maps and the page; raises `OutputError`."""
         from jaxsat.store.netcdf import dataset_bytes  # takes its time
 
         text, cases, document = dump(self.scenario), self.cases, self.document()
@@ -129,10 +129,10 @@ def controllability_study(
     tolerance: float = 5e-6,
     report: Callable[[str], None] = lambda what: None,
 ) -> ControllabilityStudy:
-    """Judge what the working actuators can do, and those left after every failure.
+    """Judge the controllability by the working actuators, and after every failure.
 
-    Margins below `tolerance` are borderline. With `drift` simulation follows the drift, which takes
-    seconds. `report` receives what is under way.
+    Margins below `tolerance` are borderline. With `drift` a simulation follows the drift, which
+    takes seconds. `report` receives progress.
     """
     report("deciding controllability")
     judgement, analysis, cases = _analyse(scenario, tolerance)
@@ -163,7 +163,7 @@ def controllability_study(
 def _analyse(
     scenario: Scenario, tolerance: float
 ) -> tuple[Judgement, Analysis | None, tuple[FailureCase, ...]]:
-    """What the working actuators can do, the rank of their torques, and every failure."""
+    """Return the judgement, the rank of the torques, and every failure case."""
     inertia = scenario.spacecraft.inertia_kg_m2
     actuators, working = all_actuators(scenario)
     healthy = actuators.only(working)
@@ -194,8 +194,6 @@ def _analyse(
 def _magnetic_authority(
     scenario: Scenario, rods: RodSet, places: list[int]
 ) -> MagneticAuthority | None:
-    """The authority of the magnetorquers of these places; None where rest in the orbit frame is no
-    equilibrium."""
     try:
         return magnetic_authority(
             scenario.spacecraft.inertia_kg_m2, rods.axes[:, places], rods.limits[places], rods.field
@@ -205,7 +203,6 @@ def _magnetic_authority(
 
 
 def _magnetic_lines(scenario: Scenario) -> list[str]:
-    """How strong magnetorquers are, and what their law does."""
     rods, places = all_rods(scenario)
     if rods is None:
         return []
@@ -225,7 +222,7 @@ def _magnetic_lines(scenario: Scenario) -> list[str]:
 
 
 def _magnetic_law(scenario: Scenario) -> list[str]:
-    """What the law of magnetorquers will do with small errors, where it flies."""
+    """Describe the law of magnetorquers for small errors, where it flies."""
     context = magnetic_context(scenario)
     if scenario.control.law != "magnetic" or context is None:
         return []
@@ -239,7 +236,6 @@ def _magnetic_law(scenario: Scenario) -> list[str]:
 
 
 def _gyro_cluster(scenario: Scenario) -> GyroCluster | None:
-    """The control moment gyros at the start; None where there are none."""
     for gyros, state in build_effectors(scenario):
         if isinstance(gyros, ControlMomentGyros):
             return GyroCluster(
@@ -254,7 +250,7 @@ def _gyro_cluster(scenario: Scenario) -> GyroCluster | None:
 
 
 def _follow_drift(scenario: Scenario) -> tuple[list[str], dict[str, tuple[Any, ...]]]:
-    """What simulation says of the drift: lines for a person, and what is drawn of it."""
+    """Simulate the drift; return findings and the data of figures."""
     plant = build_plant(scenario)
     inertia, omega = plant.spacecraft.inertia, jnp.asarray(scenario.initial.omega_rad_s)
     table = scenario.disturbance
@@ -299,14 +295,13 @@ def _drift_figures(chart_data: Mapping[str, tuple[Any, ...]]) -> "dict[str, Figu
 
 
 def _working(scenario: Scenario, kind: str) -> list[int]:
-    """The places of the actuators of a kind that have not failed."""
     return [place for place, one in enumerate(getattr(scenario, kind)) if not one.failed]
 
 
 def _figures(
     scenario: Scenario, judgement: Judgement, cases: Sequence[FailureCase]
 ) -> "dict[str, Figure]":
-    """Margins of every failure; torques that can be made, or margins of bodies and directions."""
+    """Return figures of margins of every failure, and of torques, or bodies and directions."""
     from jaxsat.report.controllability_figures import (
         angle_map,
         failure_chart,

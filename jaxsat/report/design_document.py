@@ -1,4 +1,4 @@
-"""Whether a controller was found and what it was verified on, as a document of `design.json`."""
+"""Document of a controller design, from the record `design.json`."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -12,7 +12,7 @@ DESIGNED = "designed.toml"
 """File of the designed scenario."""
 
 SHOWN_CASES = 20
-"""Failing cases that are listed."""
+"""Number of failing cases that are listed."""
 
 LINES = {
     "assumed": "Assumptions, where the file gives no value",
@@ -24,7 +24,7 @@ Record = Mapping[str, Any]
 
 
 def design_document(record: Record) -> Document:
-    """Verdict, what is left, the choice of the law, verification, and what would help.
+    """Return the document: verdict, remaining authority, choice of the law, verification, remedies.
 
     Raises `KeyError` or `TypeError` for a record of another form.
     """
@@ -61,7 +61,6 @@ def _choice(record: Record) -> Iterator[Block]:
 
 
 def _tuning(tuning: Record) -> str:
-    """What tuning gave, or why it was skipped."""
     if "left_out" in tuning:
         return f"Tuning was skipped: {tuning['left_out']}."
     before, after = tuning["loss_before"], tuning["loss_after"]
@@ -100,7 +99,6 @@ def _verification(record: Record, verification: Record) -> Iterator[Block]:
 
 
 def _common_features(verification: Record) -> Iterator[Block]:
-    """What the failing cases have in common, and what would help."""
     title = "Common features of the failing cases"
     if verification["separations"]:
         rows: list[list[Cell]] = [

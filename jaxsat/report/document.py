@@ -1,7 +1,6 @@
-"""One result as a document: what came out, and blocks. Plain data that three printers turn into
-text for the terminal, Markdown and HTML.
+"""A result as a document: a verdict and blocks, which printers turn into text, Markdown and HTML.
 
-Prose is plain text in which `backticks` enclose what a reader types. Printers escape all the rest.
+Prose is plain text in which `backticks` enclose code. Printers escape all the rest.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,7 +12,7 @@ from jaxsat.core.text import number_text
 
 @dataclass(frozen=True)
 class Shown:
-    """A cell that reads `text`, sorts by `value` and is `good`, bad or neither (None)."""
+    """A table cell: it displays `text`, sorts by `value` and is `good`, bad or neither (None)."""
 
     text: str
     value: float | int | None = None
@@ -25,7 +24,7 @@ Cell = Shown | str | float | int | None
 
 @dataclass(frozen=True)
 class Facts:
-    """Names and what there is to say of each, as a list of definitions."""
+    """Named facts, as a list of definitions."""
 
     block: ClassVar[str] = "facts"
     title: str
@@ -45,8 +44,7 @@ class Lines:
 class Table:
     """Rows with a cell for each column.
 
-    A page shows all rows and lets a reader sort them. Text shows the `first` ones, all unless
-    given.
+    A page shows all rows and lets a reader sort them. Text shows the `first` ones, by default all.
     """
 
     block: ClassVar[str] = "table"
@@ -58,7 +56,7 @@ class Table:
 
 
 class LegendKey(NamedTuple):
-    """What a line is in a legend: its name, colour, dashes and width as SVG has them."""
+    """Legend entry of a line: name, colour, dashes and width in SVG's form."""
 
     label: str
     color: str
@@ -68,7 +66,7 @@ class LegendKey(NamedTuple):
 
 @dataclass(frozen=True)
 class Chart:
-    """An interactive plot: its Bokeh figure and what it shows, for who cannot see it."""
+    """An interactive plot: its Bokeh figure, and a description for screen readers."""
 
     figure: Any
     title: str
@@ -78,7 +76,7 @@ class Chart:
 
 @dataclass(frozen=True)
 class Charts:
-    """Plots below each other; on pages alone."""
+    """Plots below each other; only on pages."""
 
     block: ClassVar[str] = "charts"
     title: str
@@ -87,9 +85,9 @@ class Charts:
 
 @dataclass(frozen=True)
 class ReplayScene:
-    """3-D replays side by side with one time; `crafts` are those of `jaxsat.report.page.replay`.
+    """3-D replays side by side at one time; `crafts` are those of `jaxsat.report.page.replay`.
 
-    On pages alone.
+    Only on pages.
     """
 
     block: ClassVar[str] = "replay"
@@ -99,7 +97,7 @@ class ReplayScene:
 
 @dataclass(frozen=True)
 class Listing:
-    """A file as it stands, by the name under which it can be saved; on pages alone, folded away."""
+    """A file, with the name under which it can be saved; only on pages, folded."""
 
     block: ClassVar[str] = "listing"
     title: str
@@ -112,7 +110,7 @@ Block = Facts | Lines | Table | Charts | ReplayScene | Listing
 
 @dataclass(frozen=True)
 class Verdict:
-    """What came out, in words; `good` is None where it is neither good nor bad."""
+    """The result in words; `good` is None where it is neither good nor bad."""
 
     good: bool | None
     text: str
@@ -121,9 +119,9 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Document:
-    """One result; `kind` says what it is and where it came from.
+    """A result; `kind` says what it is and where it came from.
 
-    `plots` is their `TimeWindow`, if it has any.
+    `plots` is their `TimeWindow`, or None.
     """
 
     title: str
@@ -134,7 +132,7 @@ class Document:
 
 
 def cell_text(cell: Cell) -> str:
-    """What a cell reads; a dash where there is nothing to say."""
+    """Return the text of a cell; a dash for an empty one."""
     if cell is None:
         return "–"
     if isinstance(cell, Shown):
@@ -149,7 +147,7 @@ def is_number(cell: Cell) -> bool:
 
 
 def prose(text: str) -> Iterator[tuple[bool, str]]:
-    """The pieces of prose, and of each whether it is what a reader types."""
+    """Yield the pieces of prose, and for each whether it is code."""
     pieces = text.split("`")
     if len(pieces) % 2 == 0:  # a mark without its pair is no mark
         pieces = [text]

@@ -1,4 +1,4 @@
-"""What documents of several kinds have alike: the scenario and what made a result, as facts."""
+"""Facts common to documents of several kinds: the scenario, and the provenance of a result."""
 
 import hashlib
 import tomllib
@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # studies are told without it
 
 
 def scenario_tables(dataset: "xr.Dataset") -> dict[str, Any]:
-    """The scenario that a dataset carries; empty where it has none."""
+    """Return the tables of a dataset's scenario; empty where it has none."""
     try:
         return tomllib.loads(str(dataset.attrs.get("scenario", "")))
     except tomllib.TOMLDecodeError:
@@ -25,15 +25,15 @@ def scenario_tables(dataset: "xr.Dataset") -> dict[str, Any]:
 
 
 def settles_in_attitude(scenario: Mapping[str, Any]) -> bool:
-    """Whether the law of a scenario's tables has an attitude to go to; true of one not known."""
+    """Whether the law of a scenario's tables has a target attitude; true for an unknown law."""
     law = known_law(str(scenario.get("control", {}).get("law", "unknown")))
     return law is None or law.declaration.regulates_attitude
 
 
 def settled_meaning(scenario: Mapping[str, Any], of_study: bool = False) -> str:
-    """The tolerances within which a run of a scenario's tables, or a case of a study, is settled.
+    """Describe the tolerances within which a run, or a case of a study, is settled.
 
-    Under a law that only stops a rotation a case of a study may turn as fast as the orbit besides.
+    Under a law that only stops a rotation a case of a study may also rotate at the orbital rate.
     """
     keys = ("tilt_rad", "turn_rad", "rate_rad_s", "dwell_s")
     table = scenario.get("settled", {})
@@ -45,7 +45,7 @@ def settled_meaning(scenario: Mapping[str, Any], of_study: bool = False) -> str:
 
 
 def scenario_facts(scenario: Mapping[str, Any]) -> dict[str, str]:
-    """The scenario in a few lines."""
+    """Return the main facts of a scenario."""
     spacecraft, control = scenario.get("spacecraft", {}), scenario.get("control", {})
     simulation, initial = scenario.get("simulation", {}), scenario.get("initial", {})
     rows = {"description": " ".join(str(scenario.get("description", "")).split())}
@@ -81,7 +81,6 @@ def _actuators(scenario: Mapping[str, Any]) -> str:
 
 
 def _numbers(value: Any) -> str:
-    """A value of a scenario on one line."""
     if isinstance(value, (list, tuple)):
         return "(" + ", ".join(map(_numbers, value)) + ")"
     if isinstance(value, Mapping):
@@ -90,7 +89,7 @@ def _numbers(value: Any) -> str:
 
 
 def provenance_facts(attributes: Mapping[str, Any], command: str = "") -> Facts:
-    """What made a dataset, and the hash of its scenario."""
+    """Return the provenance of a dataset, and the hash of its scenario."""
     text = str(attributes.get("scenario", ""))
     versions = {
         key.removesuffix("_version"): str(value)
@@ -105,7 +104,7 @@ def provenance_facts(attributes: Mapping[str, Any], command: str = "") -> Facts:
 
 
 def record_provenance(record: Mapping[str, Any], **more: str) -> Facts:
-    """What made a result, from the record that its folder has of it."""
+    """Return the provenance of a result, from the record in its folder."""
     facts = {
         "command": str(record.get("command", "")),
         **more,
@@ -118,7 +117,7 @@ def record_provenance(record: Mapping[str, Any], **more: str) -> Facts:
 
 
 def step_error(rate: float | None, attitude: float | None) -> str:
-    """The errors (rad/s, rad) that equal steps leave, in words; empty without estimates."""
+    """Describe the errors (rad/s, rad) by equal steps; empty without estimates."""
     if rate is None or attitude is None:
         return ""
     sizes = f"{number_text(rate, 2)} rad/s and {number_text(attitude, 2)} rad"

@@ -21,24 +21,23 @@ from jaxsat.report.timeline import (
 )
 
 GREYS = ("1.0", "0.72", "0.86", "0.94")
-"""Greys of the phases, light ones beside dark ones."""
+"""Greys of the phases, alternating light and dark."""
 
 IN_SERVICE = ("degraded", "friction up")
-"""Failures of wheels that are used further."""
+"""Failures of wheels that stay in use."""
 
 ROWS = 4
-"""Rows of the names of what happened, one below the other."""
+"""Rows for the names of events, one below the other."""
 
 NARROW = 0.07
-"""A phase below this part of the time has its name above, a second one to the right."""
+"""Fraction of the time below which a phase has its name above, a second one to the right."""
 
 
 def failure_figure(dataset: xr.Dataset, *, title: str = "") -> Figure | None:
-    """Total pointing error over the phases of a run in which something fails, and each CUSUM.
+    """Plot total pointing error over the phases of a run with failures, and each CUSUM.
 
-    Below them are the momenta of wheels where these are diagnosed.
-
-    None where nothing fails, or the law does not diagnose its actuators.
+    Below them are the momenta of diagnosed wheels. None where nothing fails, or the law does not
+    diagnose its actuators.
     """
     failures = _failures(dataset)
     if not failures or "detection_statistic" not in dataset:
@@ -75,7 +74,7 @@ def _failures(dataset: xr.Dataset) -> list[tuple[float, str]]:
 
 
 def phases(dataset: xr.Dataset) -> list[tuple[float, float, str]]:
-    """Begin and end (s) of the phases of a run in which something fails, and their names."""
+    """Return begin and end (s) and names of the phases of a run with failures."""
     start, end = float(dataset["time"][0]), float(dataset["time"][-1])
     strikes = [at for at, _ in _failures(dataset)]
     settled = float(dataset["settled_from"]) if "settled_from" in dataset else np.inf
@@ -95,8 +94,7 @@ def phases(dataset: xr.Dataset) -> list[tuple[float, float, str]]:
 
 
 def _remaining_wheels(dataset: xr.Dataset, at: float) -> str:
-    """What is left at a time (s): how many wheels, where these are diagnosed, and magnetorquers
-    that take an axis."""
+    """Describe what is left at a time (s): number of diagnosed wheels, and magnetorquers in use."""
     if diagnosed_part(dataset) != "wheel":
         return "what is left"
     kinds = dataset["diagnosed_kind"].sel(time=at).values
@@ -132,7 +130,7 @@ def _draw_phases(dataset: xr.Dataset, axes: Axes) -> None:
 
 
 def _tests(dataset: xr.Dataset) -> Plot:
-    """The CUSUM statistics, or those of the actuators that came nearest to an alarm."""
+    """Return a plot of the CUSUM statistics, of all actuators or of those nearest to an alarm."""
     time, values = dataset["time"].values, dataset["detection_statistic"].values
     places = np.arange(values.shape[1])
     if len(places) >= MOST_LINES:

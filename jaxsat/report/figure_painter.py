@@ -1,6 +1,6 @@
 """Plots painted by matplotlib.
 
-Margins are fixed: text that is measured to lay out a figure takes as long as drawing it.
+Margins are fixed: measuring text for a layout takes as long as drawing a figure.
 """
 
 import itertools
@@ -40,23 +40,23 @@ LEFT, RIGHT, TOP, BOTTOM = 1.25, 0.15, 0.27, 0.45
 """Inches around the panels of a figure."""
 
 BAR = 0.6
-"""Inches of the bar that tells what shades mean; all panels of a figure are as wide."""
+"""Inches of the colour bar; all panels of a figure are equally wide."""
 
 TICKS, ROW, GAP = 0.22, 0.17, 0.17
-"""Inches of the numbers below a panel, of a line of text above one, and between panels at least."""
+"""Inches of the numbers below a panel, of a line of text above one, and least gap of panels."""
 
 LABEL_AT = 0.77
-"""Inches from a panel to what its axis is called; numbers at ticks have this room."""
+"""Inches from a panel to the label of its axis; numbers at ticks have this room."""
 
 TITLE_WIDTH, LABEL_WIDTH, LEGEND_WIDTH, HANDLE = 110, 22, 100, 7
-"""Characters of a line above a panel, beside one, and in a legend without a bar beside it; of a
-line drawn in a legend."""
+"""Characters of a line above a panel, beside one, and in a legend without a bar beside it, and of
+the line drawn in a legend entry."""
 
 NAME = 12
 """Characters of the name of a strip."""
 
 STRIP_PARTS, SHADES = 300, 256
-"""Into how many parts the time of strips is divided, and a bar of shades."""
+"""Number of time intervals of strips, and of shades of a colour bar."""
 
 POWER = re.compile(r"\$\\mathdefault\{(-?)(?:(.+)\\times)?10\^\{(-?\d+)\}\}\$")
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -66,7 +66,7 @@ class PowerFormatter(LogFormatterSciNotation):
     """Powers of ten as plain text, 2×10⁻³: mathematics takes ten times as long to set."""
 
     def __call__(self, x: float | int, pos: int | None = None) -> str:
-        """The number at a tick."""
+        """Return the text of the number at a tick."""
         text = super().__call__(x, pos)
         power = POWER.fullmatch(text)
         if power is None:
@@ -78,7 +78,7 @@ class PowerFormatter(LogFormatterSciNotation):
 def paint(
     plots: Sequence[Plot], title: str, height: float = 2.3, timeline: Timeline | None = None
 ) -> Figure:
-    """A figure with a panel for each plot below each other, each with `height` inches.
+    """Paint a panel for each plot below each other, each with `height` inches.
 
     Panels over the same axis have its numbers below the last of them alone. The marks of the
     `timeline` are shown in all panels, their names in the uppermost, its spans in the uppermost
@@ -126,9 +126,9 @@ def paint(
 
 
 def paint_grid(rows: Sequence[Sequence[Plot | None]], title: str) -> Figure:
-    """A figure with rows of panels beside each other and one legend; None leaves a place empty.
+    """Paint rows of panels beside each other with one legend; None leaves a place empty.
 
-    A line looks alike in all panels by its label. Markers tell many of them apart.
+    A line has the same style in all panels by its label; markers distinguish many lines.
     """
     plots = [plot for row in rows for plot in row if plot is not None]
     names = list(dict.fromkeys(line.label for plot in plots for line in plot.lines))
@@ -159,7 +159,7 @@ def paint_grid(rows: Sequence[Sequence[Plot | None]], title: str) -> Figure:
 
 
 def _head(plot: Plot, legend_rows: int) -> float:
-    """Inches above a panel, for a sentence or a legend."""
+    """Return the inches above a panel, for a sentence or a legend."""
     return GAP + ROW * (len(_sentences(plot).split("\n")) if plot.sentence else legend_rows)
 
 
@@ -168,7 +168,6 @@ def _sentences(plot: Plot) -> str:
 
 
 def _entries(plot: Plot, shades: Collection[str]) -> list[str]:
-    """What the legend of a plot tells: its lines where there are several, bands, and shades."""
     bands = (line.band.label for line in plot.lines if line.band is not None)
     labels = [*(line.label for line in plot.lines), *dict.fromkeys(bands), *shades]
     entries = [escape_mathematics(label) for label in labels if label]
@@ -181,7 +180,6 @@ def _columns(legend: Sequence[str], room: float = LEGEND_WIDTH) -> int:
 
 
 def _place_legend(panel: Axes, legend: Sequence[str], columns: int, *, above: bool) -> None:
-    """Put the legend in the panel, or above it at the right."""
     place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1}
     handles = dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
     entries = {label: handles[label] for label in legend if label in handles}
@@ -209,7 +207,7 @@ def _paint(figure: Figure, panel: Axes, plot: Plot) -> None:
 
 
 def _beside(axis: Axis) -> str:
-    """What stands beside an axis, in up to three lines; a long one without a unit in two."""
+    """Return the label beside an axis in up to three lines; a long one without a unit in two."""
     unit = f"({'–' if axis.unit == '1' else axis.unit})" if axis.unit else ""
     lines = textwrap.wrap(f"{axis.label} {unit}", LABEL_WIDTH)
     if len(lines) > 3:
@@ -219,7 +217,6 @@ def _beside(axis: Axis) -> str:
 
 
 def _scale(panel: Axes, plot: Plot) -> None:
-    """Scales, limits and what stands at the ticks."""
     for axis, quantity, set_scale in (
         (panel.xaxis, plot.x, panel.set_xscale),
         (panel.yaxis, plot.y, panel.set_yscale),
@@ -263,10 +260,10 @@ def _paint_line(panel: Axes, line: Line, number: int, log: bool, shade: float) -
 
 
 def _paint_strips(figure: Figure, panel: Axes, strips: Strips) -> None:
-    """A strip in shades of grey for each component; a bar tells what the shades mean.
+    """Paint a strip in shades of grey for each component, and a bar of the shades.
 
-    Each shade is of the largest value of a time that is wide enough to be seen. Both are images,
-    which are drawn in a tenth of the time of meshes.
+    Each shade is the largest value of an interval that is wide enough to be seen. Both are images,
+    drawn in a tenth of the time of meshes.
     """
     begins, largest = largest_of_parts(strips.values, STRIP_PARTS)
     count, finite = len(strips.labels), largest[np.isfinite(largest)]

@@ -1,4 +1,4 @@
-"""One function per figure of a run: a trajectory dataset in, a matplotlib `Figure` out.
+"""Figures of a run: a trajectory dataset in, a matplotlib `Figure` out.
 
 The datasets are those of `jaxsat.store.dataset`. No figure is shown or saved here.
 """
@@ -30,11 +30,11 @@ from jaxsat.report.shares import share_plots
 from jaxsat.report.timeline import mode_names, subject_title, timeline_of
 
 PEAK = 20.0
-"""How many times its usual size a signal may reach before its axis becomes logarithmic there."""
+"""Peak over the usual size of a signal beyond which its axis becomes logarithmic."""
 
 
 def trajectory_figures(dataset: xr.Dataset) -> dict[str, Figure]:
-    """The figures of one run by file name, those that its law gives something to show in."""
+    """Return the figures of one run by file name, as far as its law has data for them."""
     figures = {
         "attitude": attitude_figure(dataset),
         "pointing": pointing_figure(dataset),
@@ -65,7 +65,7 @@ def _figure(
     *,
     shaded: bool = True,
 ) -> Figure:
-    """Panels under the title that is given, or that of the run and a subject."""
+    """Paint panels under the given title, or that of the run and a subject."""
     title, timeline = title or subject_title(dataset, subject), timeline_of(dataset)
     if not shaded:
         timeline = dataclasses.replace(timeline, shades={})
@@ -73,12 +73,12 @@ def _figure(
 
 
 def attitude_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
-    """The tilt w, and the turn z with the whole angle between body and orbit frame."""
+    """Plot the tilt w, and the turn z with the whole angle between body and orbit frame."""
     return _figure(dataset, attitude_plots(dataset), "attitude to the orbit frame", title)
 
 
 def pointing_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
-    """The pointing error in degrees, total and about each body axis, and the Euler angles 3-2-1."""
+    """Plot the pointing error in degrees, total and about each axis, and Euler angles 3-2-1."""
     return _figure(dataset, pointing_plots(dataset), "pointing error to the orbit frame", title)
 
 
@@ -89,7 +89,7 @@ def rates_figure(
     linear_to: float | None = None,
     title: str = "",
 ) -> Figure:
-    """Angular velocity, whole and enlarged over `zoom` (s; by default the last fifth).
+    """Plot angular velocity, whole and enlarged over `zoom` (s; by default the last fifth).
 
     With `linear_to` (rad/s) the upper axis is logarithmic beyond that rate.
     """
@@ -105,11 +105,11 @@ def torque_figure(
     linear_to: float | None = None,
     title: str = "",
 ) -> Figure:
-    """Torque of the actuators, whole and enlarged over `zoom` (s; by default the last fifth).
+    """Plot the actuators' torque, whole and enlarged over `zoom` (s; by default the last fifth).
 
-    Where the third rate is held the ideal torque that holds it has a panel of its own. With
-    `linear_to` (N m) the upper axis is logarithmic beyond that torque, for runs whose first instant
-    dwarfs the rest.
+    Where the third rate is held, the ideal torque that holds it has its own panel. With `linear_to`
+    (N m) the upper axis is logarithmic beyond that torque, for runs whose first instant dwarfs the
+    rest.
     """
     together = Plot("Torque T", "", TIME, Axis("Torque T", "N m"), torque_lines(dataset))
     plots = [
@@ -122,9 +122,9 @@ def torque_figure(
 
 
 def steering_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
-    """How two torques steer the third rate: ω1 and ω2, their product, and ω3 that it makes.
+    """Plot how two torques steer the third rate: ω1 and ω2, their product, and the resulting ω3.
 
-    The second line of ω3 is what the gyroscopic torque alone would make, (J1 - J2)/J3 ∫ω1 ω2 dt.
+    The second line of ω3 is the effect of the gyroscopic torque alone, (J1 - J2)/J3 ∫ω1 ω2 dt.
     """
     time, (first, second, third) = dataset["time"].values, dataset["omega"].values.T
     product = first * second
@@ -145,14 +145,14 @@ def steering_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
 
 
 def lyapunov_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
-    """The Lyapunov function of the law's proof on a logarithmic axis."""
+    """Plot the Lyapunov function of the law's proof on a logarithmic axis."""
     return _figure(dataset, signal_plots(dataset, "lyapunov"), "Lyapunov function", title, 2.2)
 
 
 def comparison_figure(
     datasets: Sequence[xr.Dataset], labels: Sequence[str], *, title: str
 ) -> Figure:
-    """Some runs over each other: size of w, angle z and size of the relative rate."""
+    """Plot several runs together: size of w, angle z and size of the relative rate."""
 
     def lines(name: str) -> list[Line]:
         values = (one[name].values.reshape(len(one["time"]), -1) for one in datasets)
@@ -178,14 +178,14 @@ def _last_fifth(dataset: xr.Dataset) -> Span:
 
 
 def _gyroscopic_ratio(dataset: xr.Dataset) -> float:
-    """(J1 - J2)/J3 of (37), from the scenario that the dataset carries."""
+    """Return (J1 - J2)/J3 of (37), from the dataset's scenario."""
     inertia = np.array(scenario_tables(dataset)["spacecraft"]["inertia_kg_m2"])
     j1, j2, j3 = inertia if inertia.ndim == 1 else np.diag(inertia)
     return float((j1 - j2) / j3)
 
 
 def _usual_size(signal: xr.DataArray) -> float | None:
-    """What a signal seldom exceeds, if it exceeds that by far: its peaks would hide the rest."""
+    """Return the usual size of a signal if its peaks exceed it by far, else None."""
     size = np.abs(signal.values)
     size = size[np.isfinite(size).all(axis=1)].max(axis=1)
     usual = float(np.percentile(size, 95)) if len(size) else 0.0

@@ -1,5 +1,4 @@
-"""The least time or effort of a manoeuvre, and time against effort, of plans and of laws: documents
-and a figure of the records that `bound` and `front` write."""
+"""Documents and figure of least times and efforts, from the records of `bound` and `front`."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -22,7 +21,7 @@ UNITS = {"time": "s", "effort": "N m s"}
 
 
 def bound_document(title: str, record: Mapping[str, Any]) -> Document:
-    """The best manoeuvre, where it ends when it is flown again, and the other local optima."""
+    """Return the document of the best manoeuvre, its verification, and the other local optima."""
     flight, value = record["flown_again"], number_text(record["value"])
     unit = UNITS[record["objective"]]
     where = f"{flight['angle']:.1e} rad and {flight['rate']:.1e} rad/s from rest in the orbit frame"
@@ -50,18 +49,18 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT, MOST_COLUMNS = 3.4, 3.0, 3
 
 TIME_TICKS = (1, 1.5, 2, 3, 5, 8)
-"""Per decade; a front seldom covers a whole one."""
+"""Ticks per decade; a front seldom covers a whole decade."""
 
 
 def write_front(write: Callable[[str, str | bytes], Any], title: str, record: Mapping[str, Any]):
-    """Give the record and the figure to `write`, which takes a file's name and its content."""
+    """Pass record and figure to `write`, which takes a file name and the content."""
     write("front.json", json.dumps(record, indent=1, allow_nan=False) + "\n")
     heading = f"{title}: time against effort"
     save_figures({"front": lambda: front_figure(record["fronts"], heading)}, write)
 
 
 def front_document(title: str, record: Mapping[str, Any]) -> Document:
-    """The front under every torque limit, with the laws beside it."""
+    """Return the document of the front under every torque limit, with the laws beside it."""
     rows = [row for front in record["fronts"] for row in _rows(front)]
     columns = ["N m", "by", "time (s)", "effort (N m s)"]
     text = f"Plans end {record['end_meaning']}; laws where they settle."
@@ -83,8 +82,7 @@ def _rows(front: Mapping[str, Any]) -> Iterator[Sequence[Cell]]:
 
 
 def front_figure(fronts: Sequence[dict[str, Any]], title: str) -> "Figure":
-    """A panel for each of the fronts, which are the data of
-    `jaxsat.synthesis.comparison.Front.as_data`.
+    """Plot a panel for each front, the data of `jaxsat.synthesis.comparison.Front.as_data`.
 
     Left of the front's first point no plan reaches the target; below the line none is known.
     """

@@ -1,7 +1,7 @@
-"""What a picture shows, as plain data: matplotlib paints it for paper, Bokeh for pages.
+"""Content of plots as plain data, painted by matplotlib on paper and by Bokeh on pages.
 
-Colours and dashes are the painters', by the order of lines. Both draw long signals decimated, with
-the extremes of every interval kept.
+Painters choose colours and dashes by the order of lines. Both draw long signals decimated, with the
+extremes of every interval kept.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,11 +12,11 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Axis:
-    """A quantity, its unit ("1" for a pure number, "" where it has none), and what is shown of it.
+    """A quantity with its unit ("1" for a pure number, "" without), and the range of its axis.
 
     `limits` are its ends, None for one that follows the data. On paper an axis is logarithmic
     beyond `linear_to` on either side of zero; a page, which can be enlarged, stays linear. `names`
-    stand at some values in place of numbers.
+    replace the numbers of some ticks.
     """
 
     label: str
@@ -28,12 +28,12 @@ class Axis:
 
     @property
     def unit_text(self) -> str:
-        """The unit behind a number, nothing for a pure one."""
+        """Unit behind a number, empty for a pure one."""
         return "" if self.unit == "1" else self.unit
 
     @property
     def text(self) -> str:
-        """What stands beside the axis."""
+        """Text beside the axis."""
         return f"{self.label} ({self.unit_text})" if self.unit_text else self.label
 
 
@@ -42,7 +42,7 @@ TIME = Axis("time", "s")
 
 @dataclass(frozen=True)
 class Band:
-    """What lies between two values (n,) over the points of a line, and what that is."""
+    """Area between two values (n,) over the points of a line, and its meaning."""
 
     low: np.ndarray
     high: np.ndarray
@@ -75,7 +75,7 @@ class Bars:
 
 @dataclass(frozen=True)
 class Strips:
-    """Values (n, m) at `x` (n,), too many for lines: a strip in shades for each of the `labels`."""
+    """Values (n, m) at `x` (n,), too many for lines: a shaded strip for each of the `labels`."""
 
     x: np.ndarray
     values: np.ndarray
@@ -84,9 +84,9 @@ class Strips:
 
 @dataclass(frozen=True)
 class Plot:
-    """One panel: its title, what it tells in a sentence, and what is drawn.
+    """One panel: its title, its message as a sentence, and the data.
 
-    Without a sentence the numbers of its lines stand where only a screen reader finds them.
+    Without a sentence the numbers of its lines are there for screen readers alone.
     """
 
     title: str
@@ -100,7 +100,7 @@ class Plot:
 
 @dataclass(frozen=True)
 class Timeline:
-    """What happens while signals last: instants (s) with their names, and named spans of time.
+    """Events during signals: instants (s) with their names, and named spans of time.
 
     `shades` say of each sample of `times` (n,) whether it belongs to a span of that name.
     """
@@ -111,15 +111,15 @@ class Timeline:
 
 
 MOST = 4000
-"""Samples of a plot, about: two for each pixel of a wide screen."""
+"""Approximate samples of a plot: two for each pixel of a wide screen."""
 
 
 def kept_samples(signals: np.ndarray, most: int = MOST) -> np.ndarray:
-    """The numbers of the samples to keep of `signals` (samples, n), about `most` of them, in order.
+    """Return about `most` indices of the samples of `signals` (samples, n) to keep, in order.
 
-    Time is divided into equal numbers of samples. Of each part the first sample stays, and those at
-    which a signal is smallest and largest; of all, the last one, and the last before a signal ends
-    (NaN) and the first from which on it is there.
+    Time is divided into equal numbers of samples. Each part keeps its first sample, and those at
+    which a signal is smallest and largest; the last sample of all is kept, and the samples beside
+    the begin and the end of finite values.
     """
     count, columns = signals.shape
     if count <= most:
@@ -139,7 +139,7 @@ def kept_samples(signals: np.ndarray, most: int = MOST) -> np.ndarray:
 
 
 def _places_of_largest(values: np.ndarray, begins: np.ndarray) -> np.ndarray:
-    """The place of the largest value of each part."""
+    """Return the index of the largest value of each part."""
     ends = [*begins[1:], len(values)]
     return np.array(
         [begin + np.argmax(values[begin:end]) for begin, end in zip(begins, ends, strict=True)]
@@ -147,7 +147,7 @@ def _places_of_largest(values: np.ndarray, begins: np.ndarray) -> np.ndarray:
 
 
 def largest_of_parts(values: np.ndarray, parts: int) -> tuple[np.ndarray, np.ndarray]:
-    """The begin of each of about `parts` parts of the samples (n, m), and its largest values."""
+    """Return the begins of about `parts` parts of the samples (n, m), and their largest values."""
     begins = np.unique(
         np.linspace(0, len(values), min(parts, len(values)), endpoint=False, dtype=int)
     )

@@ -1,7 +1,6 @@
-"""A figure drawn once for both of its files.
+"""PNG and SVG file of a figure, drawn once.
 
-What matplotlib does for each text, tick and line before anything is drawn takes longer than the
-drawing itself.
+Matplotlib's preparation of each text, tick and line takes longer than the drawing itself.
 """
 
 import io
@@ -23,16 +22,16 @@ from matplotlib.transforms import Affine2D, IdentityTransform, TransformedBbox, 
 from jaxsat.core.once import latest
 
 COMPRESSION = 3
-"""Of zlib: PNG files a fifth larger than with the usual effort of 6, in half of the time."""
+"""zlib's level: PNG files a fifth larger than with the usual 6, in half of the time."""
 
 INCHES_PER_METRE = 1 / 0.0254
 
 POINTS_PER_INCH = 72
-"""The unit of an SVG file; pixels are the unit of all that a figure gives to a renderer."""
+"""The unit of an SVG file; figures pass pixels to renderers."""
 
 
 def png_and_svg(figure: Figure) -> tuple[bytes, bytes]:
-    """The PNG and the SVG file of a figure, without a date."""
+    """Return the PNG and the SVG file of a figure, without a date."""
     with io.StringIO() as text:
         renderer = _PngAndSvgRenderer(figure, text)
         figure.draw(renderer)
@@ -42,10 +41,10 @@ def png_and_svg(figure: Figure) -> tuple[bytes, bytes]:
 
 
 def _png(pixels: np.ndarray, dpi: float | int) -> bytes:
-    """A PNG file (ISO/IEC 15948) of colours (rows, columns, 4) with opacity, a byte each.
+    """Return a PNG file (ISO/IEC 15948) of RGBA colours (rows, columns, 4), a byte each.
 
-    Its rows are not filtered. That suits charts, large areas of one colour: to choose a filter for
-    each row, as Pillow does, takes longer than the compression, and does not make them smaller.
+    Its rows are not filtered. That suits charts, large areas of one colour: choosing a filter for
+    each row, as Pillow does, takes longer than the compression, without smaller files.
     """
     rows, columns, _ = pixels.shape
     unfiltered = np.zeros((rows, 1 + 4 * columns), np.uint8)
@@ -69,7 +68,7 @@ def _png(pixels: np.ndarray, dpi: float | int) -> bytes:
 class _Outlines(TextToPath):
     """Outlines of lines of text, each set once: figures of a run share most of their texts.
 
-    What they look like hangs on settings of matplotlib, which `save_figures` sets to the same.
+    They depend on settings of matplotlib, which `save_figures` sets to the same values.
     """
 
     def __init__(self):
@@ -79,7 +78,7 @@ class _Outlines(TextToPath):
     def get_glyphs_with_font(
         self, font, s, glyph_map=None, return_new_glyphs_only=False, **look
     ) -> tuple[Any, Any, Any]:
-        """Places of glyphs, the glyphs (only those that are not in the map, or all), and boxes."""
+        """Return positions of glyphs, the glyphs (all, or those not in the map), and boxes."""
         key = (font.fname, s, repr([one for one in look.items() if one[1] is not None]))
         if key not in self._known:
             self._known[key] = super().get_glyphs_with_font(font, s, **look)
@@ -94,7 +93,7 @@ _OUTLINES = _Outlines()
 
 @latest(4096)
 def _outline(text: str, font: FontProperties, ismath: Any) -> Path:
-    """The outline of a line of text, `_OUTLINES.FONT_SCALE` points high, made once."""
+    """Return the cached outline of a line of text, `_OUTLINES.FONT_SCALE` points high."""
     outlines: Any = _OUTLINES
     if ismath:
         vertices, kinds = outlines.get_text_path(font, text, ismath)
@@ -107,15 +106,15 @@ def _outline(text: str, font: FontProperties, ismath: Any) -> Path:
 
 @latest(4096)
 def _text_size(text: str, font: FontProperties, ismath: Any) -> tuple[float, float, float]:
-    """Width, height and descent of a line of text in points, measured once for all figures."""
+    """Return cached width, height and descent of a line of text in points."""
     return _OUTLINES.get_text_width_height_descent(text, font, ismath)
 
 
 class _PngAndSvgRenderer(RendererBase):
-    """Gives all that is drawn to two renderers: in pixels, and in points to the one of SVG.
+    """Renderer that draws to two others: in pixels for PNG, and in points for SVG.
 
-    Texts are laid out as the PNG file needs them. What matplotlib draws as pixels in SVG too, such
-    as a mesh of many colours, goes to the SVG file as an image.
+    Texts are laid out for the PNG file. Content that matplotlib rasterises in SVG too, such as a
+    mesh of many colours, becomes an image in the SVG file.
     """
 
     def __init__(self, figure: Figure, file: io.StringIO):
@@ -134,7 +133,7 @@ class _PngAndSvgRenderer(RendererBase):
         return RendererAgg(self.width, self.height, self.dpi)
 
     def _each(self, gc: GraphicsContextBase) -> Iterator[tuple[Any, GraphicsContextBase, Any]]:
-        """The renderers, with their graphics context and the transformation from pixels."""
+        """Yield the renderers with their graphics context and the transformation from pixels."""
         yield self.pixels, gc, IdentityTransform()
         if self._image is not None:
             yield self._image, gc, IdentityTransform()
@@ -142,7 +141,7 @@ class _PngAndSvgRenderer(RendererBase):
             yield self.svg, self._in_points(gc), self._points
 
     def _in_points(self, gc: GraphicsContextBase) -> GraphicsContextBase:
-        """A graphics context that clips where `gc` does; widths and dashes are always in points."""
+        """Return a graphics context with `gc`'s clipping in points, as widths and dashes are."""
         clip: Any = gc.get_clip_path()
         box, (path, transform) = gc.get_clip_rectangle(), clip
         if box is None and path is None:
@@ -170,7 +169,7 @@ class _PngAndSvgRenderer(RendererBase):
     def draw_path_collection(
         self, gc, master_transform, paths, all_transforms, offsets, offset_trans, *looks, **more
     ) -> None:
-        """Draw many paths, each with a look of its own."""
+        """Draw many paths, each with its own style."""
         for renderer, own, unit in self._each(gc):
             places = (paths, all_transforms, offsets, offset_trans + unit)
             renderer.draw_path_collection(own, master_transform + unit, *places, *looks, **more)
@@ -184,7 +183,7 @@ class _PngAndSvgRenderer(RendererBase):
             renderer.draw_quad_mesh(own, master_transform + unit, *places, *looks, **more)
 
     def draw_gouraud_triangles(self, gc, triangles_array, colors_array, transform) -> None:
-        """Draw triangles whose colours run from corner to corner."""
+        """Draw triangles with colours interpolated between corners."""
         for renderer, own, unit in self._each(gc):
             renderer.draw_gouraud_triangles(own, triangles_array, colors_array, transform + unit)
 
@@ -197,7 +196,7 @@ class _PngAndSvgRenderer(RendererBase):
     def draw_text(self, gc, x, y, s, prop, angle, ismath=False, mtext=None) -> None:
         """Draw one line of text, as outlines in both files.
 
-        matplotlib lays each text out once more for pixels, and draws it letter by letter, which
+        Matplotlib lays each text out once more for pixels, and draws it letter by letter, which
         takes ten times as long.
         """
         for renderer, own, unit in self._each(gc):
@@ -223,11 +222,11 @@ class _PngAndSvgRenderer(RendererBase):
             self.svg.close_group(s)
 
     def start_rasterizing(self) -> None:
-        """Begin what becomes an image in the SVG file."""
+        """Begin content that becomes an image in the SVG file."""
         self._image = self._new_pixels()
 
     def stop_rasterizing(self) -> None:
-        """Write the image, as small as it can be."""
+        """Write the image, cropped to its content."""
         image: Any = self._image
         self._image = None
         pixels = np.asarray(image.buffer_rgba())
@@ -239,18 +238,18 @@ class _PngAndSvgRenderer(RendererBase):
         self.svg.draw_image(self.svg.new_gc(), *corner, part[::-1])
 
     def flipy(self) -> bool:
-        """Whether y points down, as it does in both."""
+        """Whether y points down, as in both formats."""
         return True
 
     def get_canvas_width_height(self) -> tuple[float, float]:
-        """The size in pixels."""
+        """Return the size in pixels."""
         return self.width, self.height
 
     def get_text_width_height_descent(self, s, prop, ismath) -> tuple[float, float, float]:
-        """The size of a line of text in pixels."""
+        """Return the size of a line of text in pixels."""
         width, height, descent = _text_size(s, prop.copy(), ismath)
         return width / self._scale, height / self._scale, descent / self._scale
 
     def points_to_pixels(self, points: Any) -> Any:
-        """A length in pixels."""
+        """Convert a length to pixels."""
         return self.pixels.points_to_pixels(points)

@@ -1,4 +1,4 @@
-"""A document as text: for a terminal, and as Markdown."""
+"""Printers of a document as text: for a terminal, and as Markdown."""
 
 import io
 import textwrap
@@ -26,17 +26,17 @@ from jaxsat.report.document import (
 
 STYLES = {True: "green", False: "red", None: ""}
 WIDEST = 10**4
-"""Columns of an output that is no terminal: only sentences in a table are folded there."""
+"""Columns of an output that is no terminal, where only sentences in a table are folded."""
 
 SENTENCE = 60
-"""Columns of a terminal, or of the text, beyond which a cell that is no number is folded."""
+"""Columns beyond which a cell that is no number is folded."""
 
 
 def terminal_text(document: Document) -> str:
-    """The whole document but plots, replays and listings, which only a page shows.
+    """Return the document without plots, replays and listings, which only a page shows.
 
-    Coloured, and folded to the width, where standard output is a terminal. A table is as wide as
-    its longest words need.
+    Text is coloured, and folded to the width, where standard output is a terminal. A table is as
+    wide as its longest words need.
     """
     console = Console(markup=False, highlight=False, soft_wrap=True)
     width = console.width if console.is_terminal else WIDEST
@@ -78,7 +78,7 @@ def _items(lines: Any) -> Iterator[Text]:
 
 
 def _print_table(console: Console, table: Table, width: int) -> None:
-    """The table in `width` columns, where it is wider with intervals in lines of their own."""
+    """Print a table in `width` columns, with intervals on lines of their own if it is too wide."""
     for below in (False, True):
         grid = _grid(table, below)
         options = console.options.update(width=WIDEST)
@@ -90,7 +90,7 @@ def _print_table(console: Console, table: Table, width: int) -> None:
 
 
 def _grid(table: Table, below: bool) -> Grid:
-    """The table for rich; with `below` the interval of a number stands in a line of its own."""
+    """Return the table for rich; with `below` the interval of a number is on its own line."""
     rows = table.rows[: table.first]
     grid = Grid(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, header_style="")
     for place, heading in enumerate(map(clean, table.columns)):
@@ -114,7 +114,7 @@ def _cell(cell: Cell, below: bool) -> str:
 
 
 def markdown_page(document: Document) -> str:
-    """The whole document but plots, replays and listings, which only a page shows."""
+    """Return the document without plots, replays and listings, which only a page shows."""
     verdict = document.verdict
     parts = [f"# {markdown(document.title)}", f"**{_prose(verdict.text)}**"]
     parts += [_markdown_items(verdict.more)] if verdict.more else []

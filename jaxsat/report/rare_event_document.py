@@ -1,4 +1,4 @@
-"""How probable it is that a requirement is violated: document and plots of `rare-event.json`."""
+"""Document and plots of the probability of violating a requirement, from `rare-event.json`."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -13,14 +13,14 @@ from jaxsat.studies.statistics import Interval
 Record = Mapping[str, Any]
 
 FIRST = 8
-"""Quantities that text shows."""
+"""Number of quantities that text shows."""
 
 MIDDLE, LOW, HIGH = 4, 1, 7
-"""Places of the median and of the 5th and 95th percentile."""
+"""Indices of the median and of the 5th and 95th percentile."""
 
 
 def rare_event_document(record: Record) -> Document:
-    """The probability, whether to trust it, the levels, and where cases violate.
+    """Return the document: probability, doubts, levels, and where cases violate.
 
     Raises `KeyError` or `TypeError` for a record of another form.
     """
@@ -120,31 +120,31 @@ def _shares(shares: list[list[float]], column: int) -> str:
 
 
 SHOWN = 2
-"""Quantities whose distributions are shown."""
+"""Number of quantities whose distributions are shown."""
 
 PERCENTS = (1.0, 5.0, 10.0, 25.0, 50.0, 75.0, 90.0, 95.0, 99.0)
 
 
 def rare_event_plots(record: Record) -> list[Plot]:
-    """Plots of the record of an estimate; raises `KeyError` or `TypeError` for another form."""
+    """Return the plots of an estimate; raises `KeyError` or `TypeError` for another record."""
     return [_level_plot(record), *map(_distributions, _decisive(record))]
 
 
 def chance_distance(record: Record) -> float:
-    """The distance that the violating cases have to all by chance in one quantity of 20, about.
+    """Return the distance by which violating cases differ by chance in one quantity of 20.
 
-    N. Smirnov, Ann. Math. Stat. 19, 1948, for as many cases as are independent.
+    It is approximate: N. Smirnov, Ann. Math. Stat. 19, 1948, for as many cases as are independent.
     """
     return 1.36 / np.sqrt(max(record["independent"], 1))
 
 
 def probability_text(interval: Interval) -> str:
-    """A probability with its interval, "1.02e-06 (0.81e-06 to 1.3e-06)"."""
+    """Format a probability with its interval, "1.02e-06 (0.81e-06 to 1.3e-06)"."""
     return f"{interval.value:.3g} ({interval.low:.3g} to {interval.high:.3g})"
 
 
 def _level_plot(record: Record) -> Plot:
-    """How probable each margin is not to be exceeded, in every replication."""
+    """Plot the probability of not exceeding each margin, in every replication."""
     rows = [one for one in record["levels"] if one["margin"] is not None]
     margins = np.array([one["margin"] for one in rows])
     fractions = np.array([one["fractions"] for one in rows])
@@ -163,14 +163,13 @@ def _level_plot(record: Record) -> Plot:
 
 
 def _decisive(record: Record) -> list[Record]:
-    """The quantities in which violating cases surely differ most, of those with percentiles."""
+    """Return the quantities with percentiles in which violating cases surely differ most."""
     least = chance_distance(record)
     rows = [one for one in record["differences"] if one["everywhere"] and one["distance"] > least]
     return rows[:SHOWN]
 
 
 def _distributions(one: Record) -> Plot:
-    """The distribution of a quantity in all cases, and in those that violate."""
     percents = np.array(PERCENTS)
     lines = [
         Line(np.array(one[key]), percents, label, points=True)
@@ -184,5 +183,5 @@ def _distributions(one: Record) -> Plot:
 
 
 def _positive(values: np.ndarray) -> np.ndarray:
-    """The values, without those that a logarithmic axis does not have."""
+    """Replace values that a logarithmic axis cannot show by NaN."""
     return np.where(values > 0, values, np.nan)

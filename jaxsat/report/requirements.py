@@ -1,4 +1,4 @@
-"""Which requirements of its scenario a run meets, and by which margin."""
+"""Requirements of a scenario and the margins by which a run, or a study, meets them."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -34,11 +34,11 @@ STUDY_NOTE = (
 
 
 class RunMargin(NamedTuple):
-    """A requirement and what a run showed of it.
+    """A requirement with its margin in a run.
 
-    The `margin`, in `unit`, is negative where the run violates it, infinite where none of its
-    windows has begun, and NaN where the run ended before or has no such signal. `signal` decided
-    it, at `time` (s).
+    The `margin`, in `unit`, is negative where the run violates the requirement, infinite where none
+    of its windows has begun, and NaN where the run ended before or has no such signal. `signal`
+    decided it, at `time` (s).
     """
 
     id: str
@@ -50,12 +50,12 @@ class RunMargin(NamedTuple):
 
     @property
     def met(self) -> bool:
-        """Whether the run meets it."""
+        """Whether the run meets the requirement."""
         return self.margin >= 0
 
 
 def judgements(dataset: "xr.Dataset") -> list[RunMargin]:
-    """Every requirement of the scenario of a run, by the signals at its saved times."""
+    """Judge every requirement of a run's scenario by the signals at its saved times."""
     scenario = scenario_tables(dataset)
     return [
         _judgement(dataset, scenario, RequirementTable.model_validate(table))
@@ -87,7 +87,6 @@ def _judgement(dataset: "xr.Dataset", scenario: dict, requirement: RequirementTa
 
 
 def _light(scenario: dict) -> Sunlight:
-    """Where the Sun is along the orbit of a scenario's tables."""
     from jaxsat.scenario.build.plant import sunlight_of
 
     orbit = OrbitTable.model_validate(scenario["orbit"])
@@ -95,7 +94,7 @@ def _light(scenario: dict) -> Sunlight:
 
 
 def requirement_table(margins: Sequence[RunMargin]) -> Table:
-    """Requirements, their margins, whether they are met, and when it was decided."""
+    """Return the table of requirements: margin, whether it is met, and the deciding time."""
     return Table(
         "Requirements",
         ["requirement", "text", "margin", "met", "decided at"],
@@ -107,9 +106,9 @@ def requirement_table(margins: Sequence[RunMargin]) -> Table:
 def study_requirements(
     summaries: Sequence[RequirementSummary], scenario: Mapping[str, Any]
 ) -> list[Table]:
-    """The fraction of cases that meet each requirement of a scenario, and the worst case.
+    """Return the fraction of cases that meet each requirement, and the worst case.
 
-    None where the scenario has no requirements. Those that a study does not judge have no fraction.
+    Empty without requirements. Those that a study does not judge have no fraction.
     """
     tables = [RequirementTable.model_validate(one) for one in scenario.get("requirement", ())]
     by_name = {one.name: one for one in summaries}

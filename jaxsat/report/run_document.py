@@ -1,4 +1,4 @@
-"""What a run did, as a document of its dataset."""
+"""Document of a run, from its dataset."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -20,13 +20,13 @@ from jaxsat.report.timeline import failures_of
 from jaxsat.store.dataset import errors_of, time_at_rest, time_to_settle
 
 UNMADE = 1e-9
-"""The part of the largest torque below which unmet torque counts as none."""
+"""Unmet torque below which there is none, over the largest torque."""
 
 
 def run_document(dataset: xr.Dataset, name: str = "") -> Document:
-    """When it settled, the state at the end, what actuators did, and which requirements it meets.
+    """Return the document: settling time, final state, actuators, and requirements.
 
-    `name` stands for a title where the dataset has none.
+    `name` is the title where the dataset has none.
     """
     scenario = scenario_tables(dataset)
     margins = judgements(dataset)
@@ -44,7 +44,7 @@ def _title(dataset: xr.Dataset, name: str) -> str:
 
 
 def until_end(dataset: xr.Dataset) -> xr.Dataset:
-    """The dataset without the times that a failed run did not reach; it keeps one at least."""
+    """Return the dataset up to the end of a failed run, with at least one time."""
     good = np.flatnonzero(np.isfinite(dataset["quaternion"].values).all(axis=1))
     last = int(good[-1]) if len(good) else 0
     return dataset.isel(time=slice(0, last + 1))
@@ -53,7 +53,7 @@ def until_end(dataset: xr.Dataset) -> xr.Dataset:
 def run_verdict(
     dataset: xr.Dataset, scenario: Mapping[str, Any], failures: Sequence[tuple[float, str]]
 ) -> Verdict:
-    """When it settled, within what, by which law, and what failed on the way."""
+    """Return the verdict: settling time, tolerances, law, and failures."""
     law = str(scenario.get("control", {}).get("law", "unknown"))
     rates = float(np.linalg.norm(dataset["omega"].values[-1]))
     ends = [f"|ω| = {number_text(rates, 3)} rad/s"]
@@ -92,8 +92,7 @@ def _final_state(dataset: xr.Dataset) -> dict[str, str]:
 
 
 def _actuation(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> dict[str, str]:
-    """Torque, effort, what each device did and, told apart, the ideal torque that holds the third
-    rate; the steps."""
+    """Describe torque, effort, each device, the torque that holds the third rate, and steps."""
     peak, when = _peak_torque(dataset), "" if "torque_max" in dataset else " at the saved times"
     rows = {
         "torque": f"at most {vector_text(peak)} N m{when}",
@@ -134,13 +133,13 @@ def _actuation(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> dict[str, st
 
 
 def _peak_torque(dataset: xr.Dataset) -> np.ndarray:
-    """The largest torque about each body axis, N m: of a sampled law that between saved times."""
+    """Return the peak torque about each body axis, N m; of a sampled law at any time."""
     torques = ("torque_min", "torque_max") if "torque_max" in dataset else ("torque",)
     return np.nanmax(np.abs(np.concatenate([dataset[one].values for one in torques])), axis=0)
 
 
 def _unmet_torque(dataset: xr.Dataset, scenario: Mapping[str, Any], peak: np.ndarray) -> str:
-    """How much torque the actuators do not make of the command, and how often; nothing of none."""
+    """Describe the largest unmet torque, and how often there is any; empty for none."""
     if "torque_unmade" not in dataset:
         return ""
     unmade = np.linalg.norm(dataset["torque_unmade"].values, axis=1)
@@ -159,8 +158,7 @@ def _unmet_torque(dataset: xr.Dataset, scenario: Mapping[str, Any], peak: np.nda
 
 
 def _peaks(history: xr.DataArray, units: str, limits: Sequence[float | None]) -> str:
-    """The largest size of each device, its part of the limit where all have one, and for which
-    part of the saved times any is at that."""
+    """Describe the peak of each device, its fraction of the limit, and the time at a limit."""
     sizes = np.abs(history.values)
     text = f"at most {vector_text(np.nanmax(sizes, axis=0))} {shown_unit(units)}"
     if len(limits) != sizes.shape[1] or not all(limits):

@@ -1,4 +1,4 @@
-"""Plots of a run: how each of its signals is called and shown."""
+"""Plots of a run: titles, labels and form of each signal."""
 
 import dataclasses
 
@@ -27,7 +27,7 @@ TITLES = {
     "lyapunov": "Lyapunov function V",
     "mode": "Phase of the control law",
 }
-"""Titles of signals; others go by their long name."""
+"""Titles of signals; others have their long name."""
 
 OWN = frozenset(
     {
@@ -40,10 +40,10 @@ OWN = frozenset(
         "torque_mean",
     }
 )
-"""The signals that every trajectory has, or that have a figure made for them."""
+"""Signals that every trajectory has, or that have their own figure."""
 
 SYMBOLS = {"omega": "ω", "torque": "T"}
-"""Symbols of vectors whose components are numbered; others are called as in the dataset."""
+"""Symbols of vectors whose components are numbered; others have the dataset's labels."""
 
 LOGARITHMIC = frozenset({"pointing_error_total", "lyapunov"})
 STEPS = frozenset(
@@ -59,17 +59,17 @@ MUTE = frozenset(
         *(name for name, one in SIGNALS.items() if one.mute),
     }
 )
-"""Signals without which a reader knows as much where they are zero or unknown throughout."""
+"""Signals that are not plotted where they are zero or unknown throughout."""
 
 WRAPPED = frozenset({"pointing_error", "euler_angle"})
 """Angles in degrees that jump by a whole turn."""
 
 BOUND = "_3sigma"
-"""Ending of a signal that bounds an error, in place of "_error": three standard deviations."""
+"""Suffix of a signal that bounds an error, in place of "_error": three standard deviations."""
 
 
 def shown_unit(unit: str) -> str:
-    """A unit of the CF conventions as a person writes it."""
+    """Format a unit of the CF conventions for display."""
     symbol = {"degree": "°", "1": ""}.get(unit, unit)
     return symbol.replace(" s-1", "/s").replace("s-1", "1/s").replace("m2", "m²")
 
@@ -81,12 +81,12 @@ def has_effectors(dataset: xr.Dataset) -> bool:
 
 
 def part_labels(variable: xr.DataArray) -> list[str]:
-    """What each column of a signal is of; "" for the one of a scalar."""
+    """Return the label of each column of a signal; "" for a scalar."""
     return [""] if variable.ndim == 1 else [str(one) for one in variable[variable.dims[1]].values]
 
 
 def further_signals(dataset: xr.Dataset) -> list[str]:
-    """The signals over time that have no figure made for them, such as an estimator's error."""
+    """Return the signals over time without their own figure, such as an estimator's error."""
     return [
         str(name)
         for name, variable in dataset.data_vars.items()
@@ -98,10 +98,10 @@ def further_signals(dataset: xr.Dataset) -> list[str]:
 
 
 def signal_plots(dataset: xr.Dataset, name: str) -> list[Plot]:
-    """The plot of one signal: none where it is not there or says nothing.
+    """Return the plot of one signal; empty where it is missing or uninformative.
 
-    Beside a signal "…_error" the one "…_3sigma" is drawn as a band on either side of zero. One of
-    more components than lines can be told apart is drawn as a strip for each.
+    A signal "…_3sigma" is drawn as a band about zero of the signal "…_error". More components than
+    distinguishable lines are drawn as strips.
     """
     if name not in dataset:
         return []
@@ -132,7 +132,7 @@ def signal_plots(dataset: xr.Dataset, name: str) -> list[Plot]:
 
 
 def attitude_plots(dataset: xr.Dataset) -> list[Plot]:
-    """The tilt w, and the turn z with the whole angle between body and orbit frame."""
+    """Plot the tilt w, and the turn z with the whole angle between body and orbit frame."""
     time, tilt = dataset["time"].values, dataset["w"].values
     turn = np.degrees(dataset["z"].values)
     whole = dataset["pointing_error_total"].values
@@ -145,13 +145,13 @@ def attitude_plots(dataset: xr.Dataset) -> list[Plot]:
 
 
 def pointing_plots(dataset: xr.Dataset) -> list[Plot]:
-    """The pointing error, total and about each body axis, and the Euler angles 3-2-1."""
+    """Plot the pointing error, total and about each body axis, and the Euler angles 3-2-1."""
     names = ("pointing_error_total", "pointing_error", "euler_angle")
     return [plot for name in names for plot in signal_plots(dataset, name)]
 
 
 def torque_plots(dataset: xr.Dataset) -> list[Plot]:
-    """The torque; one plot an axis, mean and range, where it changes between the saved times."""
+    """Plot the torque; where it changes between saved times, mean and range for each axis."""
     if "torque_max" not in dataset:
         plots = signal_plots(dataset, "torque")
         return [dataclasses.replace(one, lines=one.lines[: torque_axes(dataset)]) for one in plots]
@@ -164,7 +164,7 @@ def torque_plots(dataset: xr.Dataset) -> list[Plot]:
 
 
 def torque_lines(dataset: xr.Dataset) -> list[Line]:
-    """The mean torque about each axis, with its range where it changes between the saved times."""
+    """Return the mean torque about each axis, with any range between saved times."""
     time = dataset["time"].values
     if "torque_max" not in dataset:
         return [line for plot in torque_plots(dataset) for line in plot.lines]
@@ -176,7 +176,7 @@ def torque_lines(dataset: xr.Dataset) -> list[Line]:
 
 
 def enlarged(plot: Plot, span: Span) -> Plot:
-    """The part of a plot over a span (s), with a linear axis of its own."""
+    """Return the part of a plot over a span (s), with its own linear axis."""
     begin, end = np.searchsorted(plot.lines[0].x, span)
     part = slice(max(begin - 1, 0), end + 1)
     lines = []
@@ -190,13 +190,13 @@ def enlarged(plot: Plot, span: Span) -> Plot:
 
 
 def torque_axes(dataset: xr.Dataset) -> int:
-    """The number of axes with torque: three where actuators turn about the third axis, else two."""
+    """Return the number of axes with torque: three if any acts about the third axis, else two."""
     names = {"torque", "torque_min", "torque_max"} & set(dataset)
     return 3 if any((np.abs(dataset[name][:, 2]) > 0).any() for name in names) else 2
 
 
 def _label(name: str, number: int, part: str) -> str:
-    """What a line is called; "" for the only one."""
+    """Return the label of a line; "" for the only one."""
     if name in SYMBOLS:
         return f"{SYMBOLS[name]}{number}"
     if name == "pointing_error":
@@ -207,8 +207,8 @@ def _label(name: str, number: int, part: str) -> str:
 def _limits_once_settled(
     values: np.ndarray, bounds: np.ndarray
 ) -> tuple[float | None, float | None]:
-    """Ends around errors and bounds (times, n) but those in the first fiftieth of the time, before
-    an estimator has settled."""
+    """Return limits around errors and bounds (times, n), without the first fiftieth of the time, in
+    which an estimator settles."""
     begin = len(values) // 50
     late = np.concatenate([values[begin:].ravel(), bounds[begin:].ravel()])
     largest = 1.1 * float(np.nanmax(np.abs(late), initial=0.0))
@@ -216,6 +216,6 @@ def _limits_once_settled(
 
 
 def _break_at_wraps(angles: np.ndarray) -> np.ndarray:
-    """Angles (times, n) in degrees that a line through them does not join where they jump."""
+    """Break angles (times, n) in degrees where they jump, so that no line joins them."""
     jumps = np.abs(np.diff(angles, axis=0, prepend=angles[:1])) > 180
     return np.where(jumps, np.nan, angles)

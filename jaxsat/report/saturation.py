@@ -1,4 +1,4 @@
-"""When what a device stores, such as the momentum of a wheel, comes near its limit and to it."""
+"""Times at which stored quantities, such as the momentum of a wheel, approach and reach limits."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -12,16 +12,16 @@ from jaxsat.core.text import capitalised, number_text
 from jaxsat.report.run_plots import part_labels
 
 STORE = "disc"
-"""The shape of a device that stores momentum."""
+"""Shape of a device that stores momentum."""
 
 AT_LIMIT = 1 - 1e-6
-"""The part of a limit from which on a device counts as being at it."""
+"""Fraction of a limit from which a device counts as at the limit."""
 
 MARKS = (0.9, 1.0)
-"""Parts of a limit of which the first time is told."""
+"""Fractions of a limit whose first times are reported."""
 
 TREND = 0.1
-"""The largest deviation from a straight line, over its rise, with which a history has a trend."""
+"""Largest deviation from a straight line, over its rise, for a trend."""
 
 LEAST_RISE = 0.01
 """Least rise of a trend, over the limit, in the second half of a run."""
@@ -30,7 +30,7 @@ LEAST_RISE = 0.01
 def first_time(
     time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"], level: float
 ) -> float | None:
-    """The first saved time (s) at which the size of `values` is at a level; None if never."""
+    """Return the first saved time (s) at which the size of `values` is at a level, or None."""
     reached = np.flatnonzero(np.abs(values) >= AT_LIMIT * level)
     return float(time[reached[0]]) if len(reached) else None
 
@@ -38,10 +38,10 @@ def first_time(
 def full_at_trend(
     time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"], limit: float
 ) -> float | None:
-    """When (s) the size of `values` reaches its limit if it grows as in the second half of the run.
+    """Extrapolate the time (s) at which the size of `values` reaches its limit.
 
-    By the straight line of least squares; None where that does not rise, or does not describe the
-    second half.
+    The trend is the least-squares line of the second half of the run; None where it does not rise,
+    or does not fit.
     """
     later = time >= (time[0] + time[-1]) / 2
     if np.count_nonzero(later) < 3:
@@ -55,7 +55,7 @@ def full_at_trend(
 
 
 def saturation_sentences(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> Iterator[str]:
-    """A sentence on each device that came near the limit of what it stores, or soon will."""
+    """Yield a sentence on each device that came near the limit of its storage, or soon will."""
     time = dataset["time"].values
     stores = ((kind, one) for kind in ACTUATORS for one in kind.signals if one.shape == STORE)
     for kind, signal in stores:
@@ -72,7 +72,7 @@ def saturation_sentences(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> It
 
 
 def _state(time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"], limit: float) -> str:
-    """What a history has to say of its limit; nothing where that is far."""
+    """Describe how a history approaches its limit; empty where that is far."""
     near, full = (first_time(time, values, part * limit) for part in MARKS)
     expected = full_at_trend(time, values, limit) if full is None else None
     texts = []

@@ -1,6 +1,6 @@
-"""Figures to files. A figure that fails is reported and left out; matplotlib is imported here.
+"""Saving of figures to files; a figure that fails is reported and left out.
 
-What a user has set for matplotlib has no part in it: equal results give equal figures.
+A user's settings of matplotlib have no effect: equal results give equal figures.
 """
 
 import contextlib
@@ -16,18 +16,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Figures = Mapping[str, "Figure | Callable[[], Figure]"]
-"""Figures by file name, or what makes them."""
+"""Figures by file name, or functions that make them."""
 
 OF_PROCESS = ("backend", "interactive", "toolbar", "timezone", "date.epoch", "webagg", "tk.")
-"""Settings of matplotlib, by their beginnings, that are no matter of style."""
+"""Prefixes of matplotlib's settings that do not concern style."""
 
 
 def save_figures(figures: Figures | Callable[[], Figures], write: Callable[[str, bytes], Any]):
-    """Give every figure as PNG and SVG to `write`, which takes a file's name and its content.
+    """Pass every figure as PNG and SVG to `write`, which takes a file name and its content.
 
-    They bear no date. Warns, with the name, of one that cannot be drawn; of all if `figures`, where
-    it makes them, cannot; and of those left out for which a full disk has no room. What else
-    `write` raises is raised.
+    The files have no date. Warns of figures that cannot be drawn, and of those left out on a full
+    disk. Other exceptions of `write` are raised.
     """
     files: dict[str, bytes] = {}
     try:
@@ -60,8 +59,8 @@ def save_figures(figures: Figures | Callable[[], Figures], write: Callable[[str,
 def undocumented() -> Iterator[None]:
     """Import matplotlib without docstrings and signatures of `set`.
 
-    It composes them for each of its hundred classes, in a third of the time that it takes to import
-    it. (`kwdoc` is public; the other name is that of matplotlib 3.9 to 3.11, and idle elsewhere.)
+    Composing them for its hundred classes takes a third of the import time. (`kwdoc` is public; the
+    other name is that of matplotlib 3.9 to 3.11, and idle elsewhere.)
     """
     from matplotlib import artist
 
@@ -77,7 +76,6 @@ def undocumented() -> Iterator[None]:
 
 
 def _draw(name: str, figure: "Figure | Callable[[], Figure]") -> dict[str, bytes]:
-    """A figure's files; none where it cannot be drawn."""
     from jaxsat.report.png_and_svg import png_and_svg
 
     try:

@@ -1,6 +1,6 @@
-"""Axes whose ticks are drawn by one object, moved from place to place.
+"""Axes with one tick object that is drawn at many locations.
 
-matplotlib makes an object with five artists for every tick, which takes longer than drawing it.
+Matplotlib makes an object with five artists for every tick, which takes longer than drawing it.
 """
 
 from typing import Any
@@ -11,14 +11,14 @@ from matplotlib.axis import Axis, Tick, XAxis, XTick, YAxis
 from matplotlib.text import Text
 
 ROUNDING = 1e-10
-"""Part of an axis by which a tick may be beyond its end."""
+"""Fraction of an axis by which a tick may be beyond its end."""
 
 
 class _Place:
-    """Where a tick is drawn, and its number: in place of a tick for what draws and measures it.
+    """Location and number of a tick, in place of a tick object.
 
-    The first place has the `locations` of all, and draws the lines of the grid and the marks of all
-    ticks, each as one line.
+    The first one has the `locations` of all, and draws grid lines and marks of all ticks, each as
+    one line.
     """
 
     def __init__(self, tick: Tick, at: float, text: str, locations: np.ndarray | None):
@@ -26,12 +26,12 @@ class _Place:
 
     @property
     def label1(self) -> Any:
-        """The number on the usual side."""
+        """Number on the usual side."""
         return self._move(self._tick.label1)
 
     @property
     def label2(self) -> Any:
-        """The number on the other side."""
+        """Number on the other side."""
         return self._move(self._tick.label2)
 
     def _move(self, label: Text) -> Text:
@@ -41,7 +41,7 @@ class _Place:
         return label
 
     def draw(self, renderer: Any) -> None:
-        """Draw the number, and for all ticks what else belongs to them."""
+        """Draw the number, and in the first place the lines of all ticks."""
         if self._locations is not None:
             self._draw_lines(renderer, self._locations)
         self.label1.draw(renderer)
@@ -60,10 +60,10 @@ class _Place:
 
 
 class _SharedTicks(Axis):
-    """An axis that draws one tick in many places."""
+    """An axis that draws one tick at many locations."""
 
     def _update_ticks(self) -> list[Any]:
-        """What is drawn of the ticks; matplotlib calls this before it draws or measures them."""
+        """Return the ticks to draw; matplotlib calls this before it draws or measures them."""
         first, last = np.sort(self.get_transform().transform(self.get_view_interval()))
         room = ROUNDING * (last - first)
         places = []
@@ -87,13 +87,13 @@ class _SharedTicks(Axis):
     _is_drawn = False
 
     def draw(self, renderer: Any) -> None:
-        """Draw the axis, and meanwhile measure numbers only where something is placed by them."""
+        """Draw the axis; numbers are measured only where something is placed by them."""
         self._is_drawn = True
         super().draw(renderer)
         self._is_drawn = False
 
     def _get_ticklabel_bboxes(self, ticks: list[Any], renderer: Any) -> tuple[list[Any], list[Any]]:
-        """What the numbers at the ticks cover."""
+        """Return the boxes of the numbers at the ticks."""
         axis: Any = self
         followed = axis._autolabelpos and axis.label.get_text()
         if self._is_drawn and not (followed or axis.major.formatter.get_offset()):
@@ -101,22 +101,22 @@ class _SharedTicks(Axis):
         return Axis._get_ticklabel_bboxes(axis, ticks, renderer)  # pyright: ignore[reportAttributeAccessIssue]
 
     def get_majorticklabels(self) -> list[Any]:
-        """The numbers at the ticks, an object each."""
+        """Return the numbers at the ticks, an object each."""
         Axis._update_ticks(self)  # pyright: ignore[reportAttributeAccessIssue]
         return super().get_majorticklabels()
 
     def get_minorticklabels(self) -> list[Any]:
-        """The numbers at the small ticks, an object each."""
+        """Return the numbers at the minor ticks, an object each."""
         Axis._update_ticks(self)  # pyright: ignore[reportAttributeAccessIssue]
         return super().get_minorticklabels()
 
 
 class _X(_SharedTicks, XAxis):
-    """The horizontal axis."""
+    """Horizontal axis."""
 
 
 class _Y(_SharedTicks, YAxis):
-    """The vertical axis."""
+    """Vertical axis."""
 
 
 class SharedTicksAxes(Axes):

@@ -1,4 +1,4 @@
-"""Which kind of actuator made which part of the torque, and the momentum that came from outside."""
+"""Torque by kind of actuator, and momentum by external torques."""
 
 import math
 from typing import Any
@@ -19,13 +19,12 @@ WHEEL, ROD = "wheel", "magnetorquer"
 
 
 def shares_of(dataset: xr.Dataset) -> dict[str, Float[np.ndarray, "n 3"]] | None:
-    """The torque on the body (N m, body axes) of each kind of actuator over time, by its name; None
-    where one kind makes it all, or signals lack that tell kinds apart.
+    """Return the torque on the body (N m, body axes) over time by kind of actuator, or None.
 
-    Of a sampled law it is the mean until the next saved time, so that no pulse is left out. That of
-    magnetorquers beside thrusters is such a mean until one fires; then, and beside gyros, it is
-    that at the saved time, of their axes as the scenario has them. Where there are thrusters and
-    gyros, they are one.
+    None where one kind makes it all, or signals that separate kinds are missing. Under a sampled
+    law it is the mean until the next saved time, so that no pulse is left out. For magnetorquers
+    beside thrusters it is such a mean until one fires; then, and beside gyros, it is the value at
+    the saved time, by the scenario's axes. Thrusters and gyros together are one kind.
     """
     tables = scenario_tables(dataset)
     kinds = [one for one in ACTUATORS if tables.get(one.name) and one.name != WHEEL]
@@ -50,13 +49,12 @@ def shares_of(dataset: xr.Dataset) -> dict[str, Float[np.ndarray, "n 3"]] | None
 
 
 def _is_held(dataset: xr.Dataset) -> bool:
-    """Whether the torque is that of a sampled law, whose means are saved."""
     return "torque_mean" in dataset
 
 
 def _fires(dataset: xr.Dataset) -> Bool[np.ndarray, " n"]:
-    """Whether a thruster may fire between each saved time and the next: it is on at one of them, or
-    a valve opens, if need be in the interval before, as thrust comes after a delay."""
+    """Whether a thruster may fire between each saved time and the next: it is on at either, or a
+    valve opens in this interval or, as thrust is delayed, in the one before."""
     if not _is_held(dataset) or "valve_openings" not in dataset:
         return np.ones(dataset.sizes["time"], bool)
     on = (dataset["thrust_level"].values != 0).any(axis=1)
@@ -65,8 +63,8 @@ def _fires(dataset: xr.Dataset) -> Bool[np.ndarray, " n"]:
 
 
 def _of_wheels(dataset: xr.Dataset, tables: list[dict[str, Any]]) -> Float[np.ndarray, "n wheels"]:
-    """Torques of wheels on the body along their axes (N m): of a sampled law means, by
-    ḣ = -c - J_w aᵀω̇, except in the interval in which one seizes, whose jump no motor makes."""
+    """Return torques of wheels on the body along their axes (N m): of a sampled law means, by ḣ =
+    -c - J_w aᵀω̇, except in the interval in which one seizes, whose jump no motor makes."""
     torque = dataset["wheel_torque"].values
     if not _is_held(dataset):
         return torque
@@ -85,7 +83,7 @@ def _axes(tables: list[dict[str, Any]]) -> Float[np.ndarray, "m 3"]:
 
 
 def _rods_torque(dataset: xr.Dataset, tables: dict[str, Any]) -> Float[np.ndarray, "n 3"]:
-    """m × B of the dipoles, N m."""
+    """Return m × B of the dipoles, N m."""
     time = dataset["time"].values
     field = field_of(OrbitTable.model_validate(tables.get("orbit", {})))
     b = field.sampled(time, EARTH_ROTATION * time)
@@ -94,7 +92,7 @@ def _rods_torque(dataset: xr.Dataset, tables: dict[str, Any]) -> Float[np.ndarra
 
 
 def share_plots(dataset: xr.Dataset) -> list[Plot]:
-    """The size of the torque that each kind of actuator makes; none where one kind makes it all."""
+    """Plot the size of each kind of actuator's torque; empty where one kind makes it all."""
     shares, time = shares_of(dataset), dataset["time"].values
     if shares is None:
         return []
@@ -104,10 +102,10 @@ def share_plots(dataset: xr.Dataset) -> list[Plot]:
 
 
 def momentum_budget(dataset: xr.Dataset) -> str:
-    """The momentum that external torques, and actuators without storage, give body and wheels.
+    """Describe the momentum that external torques, and actuators without storage, give.
 
-    In inertial axes, N m s: of whole orbits their mean, of less than one that of the run. Nothing
-    without wheels.
+    It is in inertial axes, N m s: the mean of whole orbits, or that of a run shorter than one.
+    Empty without wheels.
     """
     tables, time = scenario_tables(dataset), dataset["time"].values
     if "wheel_torque" not in dataset or len(time) < 2:
@@ -133,8 +131,8 @@ def momentum_budget(dataset: xr.Dataset) -> str:
 def _impulse(
     dataset: xr.Dataset, torque: Float[np.ndarray, "n 3"], *, held: bool
 ) -> Float[np.ndarray, "3"]:
-    """∫ torque dt in inertial axes, N m s, by the trapezoidal rule; `held` ones are means until the
-    next time."""
+    """Return ∫ torque dt in inertial axes, N m s, by the trapezoidal rule; `held` torques are means
+    until the next time."""
     before = after = _in_inertial(dataset, torque)
     if held:
         after = _in_inertial(dataset, np.concatenate([torque[:1], torque[:-1]]))
@@ -145,9 +143,9 @@ def _impulse(
 def _in_inertial(
     dataset: xr.Dataset, vectors: Float[np.ndarray, "n 3"]
 ) -> Float[np.ndarray, "n 3"]:
-    """Vectors in body axes, one of each time, in those of the orbit frame at the first time.
+    """Rotate vectors in body axes, one at each time, to the orbit frame at the first time.
 
-    The orbit frame turns as the body does beyond its rate relative to the frame.
+    The orbit frame's rate is the body's rate without its rate relative to the frame.
     """
     to_orbit = dataset["quaternion"].values
     frame_rate = (dataset["omega"] - dataset["relative_rate"]).values[:1]
@@ -161,7 +159,7 @@ def _in_inertial(
 def _turned(
     quaternions: Float[np.ndarray, "n 4"], vectors: Float[np.ndarray, "n 3"]
 ) -> Float[np.ndarray, "n 3"]:
-    """Vectors turned by unit quaternions, scalar first. (SciPy's rotations are slow to import.)"""
+    """Rotate vectors by unit quaternions, scalar first. (SciPy's rotations are slow to import.)"""
     scalar, axis = quaternions[:, :1], quaternions[:, 1:]
     across = 2 * np.cross(axis, vectors)
     return vectors + scalar * across + np.cross(axis, across)

@@ -1,4 +1,4 @@
-"""What a study found, as a document, and how documents word intervals."""
+"""Document of a study, and cells with intervals for other documents."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -22,10 +22,10 @@ from jaxsat.studies.statistics import Interval, ends_text, fraction_text, percen
 from jaxsat.studies.summary import Summary
 
 EXPLAINED = 200
-"""Cases that did not recover in the table that explains them."""
+"""Largest number of cases in the table that explains failed recoveries."""
 
 SHOWN = 8
-"""Worst cases, numbers of a ranking and cases that did not recover that text shows."""
+"""Number of worst cases, of ranked quantities and of failed recoveries that text shows."""
 
 PERCENTILES = {
     "settling_time": "settling time (s), over settled cases",
@@ -34,18 +34,18 @@ PERCENTILES = {
     "peak_torque_unmade": "largest unmet torque (N m), over completed cases",
     "unmade_fraction": "fraction of samples with unmet torque, over completed cases",
 }
-"""What is reported in percentiles, by its name in the summary."""
+"""Quantities reported in percentiles, by their names in the summary."""
 
 MUTE = {*UNMADE, *(name for name, (one, _) in STUDIED.items() if one.mute)}
-"""Names of these that are left out where all their numbers are zero."""
+"""Names of quantities that are left out where all their numbers are zero."""
 
 INTERVALS = "Intervals are of 95 %."
 
 
 def study_document(summary: Summary, scenario: Mapping[str, Any], again: str = "") -> Document:
-    """The settled fraction, percentiles, recovery and sensitivities of a study.
+    """Return the document: settled fraction, percentiles, recovery and sensitivities.
 
-    `scenario` has the tables of its scenario, and `again` says how one of the worst cases is flown
+    `scenario` has the tables of its scenario, and `again` says how to fly one of the worst cases
     again.
     """
     law = scenario.get("control", {}).get("law", "unknown")
@@ -66,8 +66,7 @@ def study_document(summary: Summary, scenario: Mapping[str, Any], again: str = "
 
 
 def study_verdict(summary: Summary, scenario: Mapping[str, Any], again: str = "") -> Verdict:
-    """The settled fraction with its interval, what settled means, how the others ended, what the
-    steps leave, the worst cases."""
+    """Return the verdict: settled fraction, tolerances, outcomes, errors of steps, worst cases."""
     settled = settled_meaning(scenario, of_study=True)
     fraction, low, high = percent_texts(summary.settled)
     interval = f"95 % interval {low} to {high}"
@@ -83,7 +82,7 @@ def study_verdict(summary: Summary, scenario: Mapping[str, Any], again: str = ""
 
 
 def _steps(summary: Summary, scenario: Mapping[str, Any]) -> list[str]:
-    """What the steps leave, and whether the scenario allows that; nothing without estimates."""
+    """Describe solver errors, and whether the scenario allows them; empty without estimates."""
     errors = (summary.rate_error, summary.attitude_error)
     text = step_error(*errors)
     if not text:
@@ -99,7 +98,7 @@ def _steps(summary: Summary, scenario: Mapping[str, Any]) -> list[str]:
 def percentile_table(
     quantities: Mapping[str, Mapping[float, Interval | None]], title: str, note: str = ""
 ) -> list[Table]:
-    """Percentiles by the names of `PERCENTILES` and percent; none where no case ends."""
+    """Return percentiles by the names of `PERCENTILES` and percent; empty where no case ends."""
     by_label = {
         PERCENTILES[name]: by_percent for name, by_percent in quantities.items() if by_percent
     }
@@ -112,7 +111,7 @@ def percentile_table(
 
 
 def rankings(summary: Summary) -> Iterator[Table | Lines]:
-    """Tables of the dispersed numbers on which settling and the cost depend, where they vary."""
+    """Yield tables of the dispersed numbers on which settling and cost depend, where they vary."""
     sensitivities = {"settling": summary.settling_sensitivity, "the cost": summary.cost_sensitivity}
     for result, ranking in sensitivities.items():
         finite = [one for one in ranking if np.isfinite(one.first_order.value)]
@@ -147,7 +146,7 @@ def _ranking(title: str, ranking: list[Sensitivity]) -> Table:
 
 
 def recovery_line(recovery: RecoverySummary) -> str:
-    """The recovered fraction of the recoverable cases, and alarms without a failure."""
+    """Describe the recovered fraction of the recoverable cases, and alarms without a failure."""
     total = recovery.by_kind[-1]
     text = f"Recovered: {total.settled:,} of {total.recoverable:,} recoverable cases"
     if total.of_recoverable is not None:
@@ -160,7 +159,7 @@ def recovery_line(recovery: RecoverySummary) -> str:
 
 
 def recovery_tables(recovery: RecoverySummary | None) -> list[Table]:
-    """Tables by kind of failure: what recovered, why the others did not, and the diagnosis."""
+    """Return tables by kind of failure: recoveries, reasons of the others, and the diagnosis."""
     if recovery is None:
         return []
     columns = ["failure", "cases", "recovered", "fraction", "recoverable", "fraction of these"]
@@ -222,19 +221,19 @@ def _explanation_table(recovery: RecoverySummary) -> Table:
 
 
 def fraction_cell(interval: Interval) -> Shown:
-    """A fraction with its interval, "99.90% (99.64% to 99.97%)"."""
+    """Format a fraction with its interval, "99.90% (99.64% to 99.97%)"."""
     return Shown(fraction_text(interval), interval.value)
 
 
 def interval_cell(interval: Interval | None, missing: str = "–") -> Shown:
-    """A number with its interval; `missing` where there is none, as of cases that never settle."""
+    """Format a number with its interval; `missing` for infinite ones, as of unsettled cases."""
     if interval is None or not np.isfinite(interval.value):
         return Shown(missing, float("inf"))
     return Shown(f"{number_text(interval.value)} ({ends_text(interval)})", interval.value)
 
 
 def interval_of(record: Mapping[str, Any] | None) -> Interval | None:
-    """The interval in a record, which has None for ends that are open and numbers that lack."""
+    """Return the interval of a record, which has None for infinite ends and missing numbers."""
     if record is None or record.get("value") is None:
         return None
     low, high = record.get("low"), record.get("high")

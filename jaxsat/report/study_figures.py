@@ -1,4 +1,4 @@
-"""Figures of a Monte-Carlo study: its columns or histories in, a matplotlib `Figure` out."""
+"""Figures of a Monte-Carlo study: columns or histories in, a matplotlib `Figure` out."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -24,19 +24,19 @@ from jaxsat.studies.sensitivities import numbers_of
 from jaxsat.studies.summary import Summary
 
 BANDS = ((1.0, 99.0), (10.0, 90.0), (25.0, 75.0))
-"""Percentiles between which the shades of a fan chart lie."""
+"""Percentiles that bound the bands of a fan chart."""
 
 SHADES = ("#dbeefa", "#a9d6f3", "#6fbbe8")
 """Shades of the bands from the widest to the narrowest."""
 
 RARE = 3.0
-"""How many times as much as the second band the widest may span before it is cut."""
+"""Span of the widest band, over that of the second one, beyond which it is cut."""
 
 SYMBOLS = {"omega": "ω", "inertia": "ΔJ/J ", "rate_error": "η", "constant_torque": "T"}
-"""How components of some dispersed quantities are called on an axis."""
+"""Symbols of components of some dispersed quantities on an axis."""
 
 SEEN_CASES = 500
-"""Cases up to which each is marked in a map."""
+"""Largest number of cases that are marked in a map."""
 
 
 def fan_chart(
@@ -47,7 +47,7 @@ def fan_chart(
     *,
     logarithmic: bool = False,
 ) -> Figure:
-    """Median and percentile bands over time (s), a panel for each component.
+    """Plot median and percentile bands over time (s), a panel for each component.
 
     `values` has shape (cases, times, components); NaN, after the end of a failed case, is left out.
     """
@@ -89,7 +89,7 @@ def fan_chart(
 
 
 def _cut_rare(panel: Axes, values: np.ndarray) -> None:
-    """Leave the widest band's peaks out where they would hide the rest: w is large upside down."""
+    """Cut the widest band's peaks where they would hide the rest: w is large upside down."""
     (least, low), (high, most) = (
         np.nanpercentile(values, band, axis=0).reshape(2, -1)
         for band in ((BANDS[0][0], BANDS[1][0]), (BANDS[1][1], BANDS[0][1]))
@@ -102,7 +102,7 @@ def _cut_rare(panel: Axes, values: np.ndarray) -> None:
 
 
 def fan_figures(times: np.ndarray, signals: Signals, title: str) -> dict[str, Figure]:
-    """Fan charts of pointing error, attitude and rates from signals (cases, times)."""
+    """Return fan charts of pointing error, attitude and rates from signals (cases, times)."""
     total = np.linalg.norm(pointing_error(np.asarray(signals.quaternion)), axis=-1)
     speed = np.degrees(np.linalg.norm(np.asarray(signals.relative_rate), axis=-1))
     errors = np.stack([total, speed], axis=2)
@@ -121,7 +121,7 @@ def fan_figures(times: np.ndarray, signals: Signals, title: str) -> dict[str, Fi
 
 
 def settling_distribution(settling_time: np.ndarray, title: str) -> Figure:
-    """How many cases settle within a time: the fraction settled by then, and a histogram."""
+    """Plot the fraction settled by a time, and a histogram of settling times."""
     plots = [study_plots.settled_by(settling_time), study_plots.settling_times(settling_time)]
     available_plots = [plot for plot in plots if plot is not None]
     if available_plots:
@@ -134,12 +134,12 @@ def settling_distribution(settling_time: np.ndarray, title: str) -> Figure:
 
 
 def convergence(settled: np.ndarray, title: str) -> Figure:
-    """The settled fraction with its Wilson interval as cases come in, in their order."""
+    """Plot the settled fraction with its Wilson interval over the number of cases."""
     return paint([study_plots.convergence(settled)], title, 3.0)
 
 
 class DrawnNumber(NamedTuple):
-    """A dispersed number of every case, its unit and what it means."""
+    """A dispersed number of every case, its unit and its meaning."""
 
     values: np.ndarray
     unit: str
@@ -147,7 +147,7 @@ class DrawnNumber(NamedTuple):
 
 
 def axis_label(name: str, number: DrawnNumber) -> str:
-    """The label of an axis of a dispersed number: name, unit, and in a second line its meaning."""
+    """Return the label of a dispersed number: name, unit, and in a second line its meaning."""
     unit = "" if number.unit == "1" else f" ({number.unit})"
     base, _, component = name.removesuffix("]").partition("[")
     symbol = SYMBOLS.get(base)
@@ -158,7 +158,7 @@ def axis_label(name: str, number: DrawnNumber) -> str:
 def success_map(
     x: np.ndarray, y: np.ndarray, settled: np.ndarray, labels: tuple[str, str], title: str
 ) -> Figure:
-    """The fraction settled over two dispersed numbers, in cells of equal size; empty where none."""
+    """Plot the fraction settled over two dispersed numbers, in cells of equal size."""
     cells = int(np.clip(np.sqrt(len(x) / 10), 4, 40))
     figure, (panel,) = panels(1, title, height=4.2)
     fraction, x_edges, y_edges, _ = stats.binned_statistic_2d(
@@ -179,7 +179,7 @@ def success_map(
 
 
 def _mark_cases(panel: Axes, x: np.ndarray, y: np.ndarray, settled: np.ndarray) -> None:
-    """Every case in its place; dots and crosses have white edges, to be seen on any colour."""
+    """Mark every case; dots and crosses have white edges, visible on any colour."""
     edge = [patheffects.withStroke(linewidth=2.2, foreground="white")]
     for members, marker, name in ((settled, ".", "settled"), (~settled, "x", "not settled")):
         panel.plot(
@@ -203,13 +203,13 @@ def _mark_cases(panel: Axes, x: np.ndarray, y: np.ndarray, settled: np.ndarray) 
 
 
 FAN_INSTANTS, FAN_CASES = 500, 64
-"""Instants that a figure can show, about, and cases that are computed again for the fans."""
+"""Approximate number of instants in a figure, and number of cases flown again for fan charts."""
 
 
 def write_study_figures(
     write: Callable[[str, bytes], Any], title: str, study: Study, store: Path, summary: Summary
 ) -> None:
-    """Give the figures of a study in its store to `write`, with a file's name and its content.
+    """Pass the figures of a study in its store to `write`, with a file name and the content.
 
     Raises `OutputError` for a store that cannot be read.
     """
@@ -226,7 +226,6 @@ def write_study_figures(
 
 
 def _histories(study: Study, numbers: np.ndarray, every: int) -> Signals:
-    """Signals (cases, times) of these cases."""
     size = study.engine.batch_size
     batches = [numbers[first : first + size] for first in range(0, len(numbers), size)]
     parts = [
@@ -237,7 +236,7 @@ def _histories(study: Study, numbers: np.ndarray, every: int) -> Signals:
 
 
 def _drawn_number(dataset: xr.Dataset, label: str, count: int) -> DrawnNumber:
-    """What was drawn of a number that is called as in a sensitivity ranking."""
+    """Return a drawn number by its name in a sensitivity ranking."""
     name = label.partition("[")[0]
     column = dataset[f"drawn_{name}"]
     values = numbers_of(name, np.asarray(column[:count]))[label]
@@ -252,7 +251,7 @@ def _drawn_number(dataset: xr.Dataset, label: str, count: int) -> DrawnNumber:
 def study_figures(
     columns: Mapping[str, np.ndarray], numbers: Mapping[str, DrawnNumber], title: str
 ) -> dict[str, Figure]:
-    """The figures of a study's columns; with two dispersed `numbers`, also a map over these."""
+    """Return the figures of a study's columns; with two dispersed `numbers`, also their map."""
     settling_time = np.asarray(columns["settling_time"])
     settled = np.isfinite(settling_time)
     figures = {

@@ -1,4 +1,4 @@
-"""Plots of a study: of fractions and percentiles, so that their size does not grow with it."""
+"""Plots of a study by fractions and percentiles, whose size does not grow with the study."""
 
 from collections.abc import Mapping
 
@@ -8,29 +8,29 @@ from jaxsat.report.plot import Axis, Band, Bars, Line, Plot
 from jaxsat.studies.statistics import fraction_text, percent_texts, wilson
 
 EARLIEST = 10.0
-"""Seconds at which the logarithmic time axes begin; nothing that tumbles settles before."""
+"""Begin of logarithmic time axes (s), before which nothing that tumbles settles."""
 
 POINTS, BINS = 400, 20
-"""Points of a line, bins of a quantity."""
+"""Points of a line, and bins of a quantity."""
 
 LEAST = 10
-"""Cases that a bin must have to be drawn."""
+"""Least number of cases of a bin that is drawn."""
 
 SETTLED_VIEW = 30
-"""Cases from which on the interval of an estimate sets the range that is shown."""
+"""Number of cases from which on the interval of an estimate sets the visible range."""
 
 INTERVAL = "with its 95 % Wilson interval"
 SETTLED = Axis("fraction settled", limits=(-0.02, 1.02))
 
 
 def settling_plots(times: np.ndarray) -> list[Plot]:
-    """How many settle when, and how sure that is; of settling times (s), infinite if never."""
+    """Return plots of settling times (s, infinite if never), with their uncertainty."""
     plots = [settled_by(times), settling_times(times), convergence(np.isfinite(times))]
     return [plot for plot in plots if plot is not None]
 
 
 def settled_by(times: np.ndarray) -> Plot | None:
-    """The fraction of all cases that is settled by a time; None where none settles."""
+    """Plot the fraction of all cases that is settled by a time; None where none settles."""
     good = np.sort(times[np.isfinite(times)])
     if not len(good):
         return None
@@ -45,7 +45,7 @@ def settled_by(times: np.ndarray) -> Plot | None:
 
 
 def settling_times(times: np.ndarray) -> Plot | None:
-    """How the settling times of those that settle are distributed; None for less than two."""
+    """Plot the distribution of settling times of settled cases; None for less than two."""
     good = times[np.isfinite(times)]
     if len(good) < 2:
         return None
@@ -60,12 +60,11 @@ def settling_times(times: np.ndarray) -> Plot | None:
 
 
 def _until(good: np.ndarray) -> Axis:
-    """The axis of settling times (s), the same in all plots of a study."""
     return Axis("settling time", "s", limits=(0.0, 1.02 * float(good.max()) or 1.0))
 
 
 def convergence(settled: np.ndarray) -> Plot:
-    """The settled fraction as cases come in, in their order."""
+    """Plot the settled fraction over the number of cases, in their order."""
     counts = np.cumsum(settled)
     at = np.unique(np.geomspace(1, len(settled), POINTS).astype(int))
     fractions = [wilson(int(counts[n - 1]), int(n)) for n in at]
@@ -82,7 +81,7 @@ def convergence(settled: np.ndarray) -> Plot:
 
 
 def success_over(label: str, values: np.ndarray, settled: np.ndarray, unit: str) -> Plot | None:
-    """The fraction settled over a dispersed quantity, in bins of equally many cases."""
+    """Plot the fraction settled over a dispersed quantity, in bins of equally many cases."""
     parts = _bins(values)
     if not parts:
         return None
@@ -98,7 +97,7 @@ def success_over(label: str, values: np.ndarray, settled: np.ndarray, unit: str)
 
 
 def settling_over(label: str, values: np.ndarray, times: np.ndarray, unit: str) -> Plot | None:
-    """Median settling time over a dispersed quantity, with the 10 % and 90 % points."""
+    """Plot median settling time over a dispersed quantity, with the 10 % and 90 % points."""
     good = np.isfinite(times)
     parts = _bins(values[good])
     if not parts:
@@ -115,9 +114,9 @@ def settling_over(label: str, values: np.ndarray, times: np.ndarray, unit: str) 
 def settled_by_law(
     title: str, times: Mapping[str, np.ndarray], horizon: float | None = None
 ) -> Plot:
-    """The fraction settled by a time under each law, of settling times (s), infinite if never.
+    """Plot the fraction settled by a time (s, infinite if never) under each law.
 
-    The axis ends with the `horizon` (s) or, without one, with the last that settles.
+    The axis ends with the `horizon` (s) or, without one, with the last case that settles.
     """
     shares = {}
     for law, of_law in times.items():
@@ -138,7 +137,7 @@ def curves(
     *,
     steps: bool = False,
 ) -> Plot:
-    """Lines with x values of their own, by name, as many as can be told apart."""
+    """Plot lines with individual x values, by name; no more than `MOST_LINES` differ in style."""
     sentence = []
     for label, (_, values) in of.items():
         good = values[np.isfinite(values)]
@@ -148,7 +147,7 @@ def curves(
 
 
 def _bins(values: np.ndarray) -> list[np.ndarray]:
-    """Places of the values in bins of equally many; none where the values do not vary."""
+    """Return indices of the values in bins of equally many; empty where the values do not vary."""
     if len(values) < 2 * LEAST or not np.ptp(values) > 0:
         return []
     bins = max(2, min(BINS, len(values) // (5 * LEAST)))
@@ -169,7 +168,6 @@ def _band_plot(
     steps: bool = False,
     points: bool = False,
 ) -> Plot:
-    """A line with a band: `values` (n, 3) are middle, lower and upper."""
     middle, low, high = values.T
     line = Line(at, middle, y.label, steps=steps, points=points, band=Band(low, high))
     return Plot(title, sentence, x, y, [line])

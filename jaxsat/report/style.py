@@ -15,10 +15,10 @@ if TYPE_CHECKING:  # pages take their colours from here and have no matplotlib
     from matplotlib.figure import Figure
 
 LETTERS_PER_INCH = 10.4
-"""Of a bold title of 10 points, with a margin."""
+"""Letters per inch of a bold title of 10 points, with a margin."""
 
 MAX_TITLE_LENGTH, MAX_LABEL_LENGTH = 200, 60
-"""Characters; no more fit on a figure."""
+"""Largest numbers of characters that fit on a figure."""
 
 LINES: tuple[Mapping[str, Any], ...] = tuple(
     MappingProxyType({"color": color, "linestyle": dash, "linewidth": width})
@@ -36,19 +36,19 @@ FURTHER_LINES: tuple[Mapping[str, Any], ...] = tuple(
         ("#777777", (0, (3, 1, 1, 1, 1, 1)), 1.0),
     )
 )
-"""Styles of the fourth line of a panel and the fifth."""
+"""Styles of the fourth and fifth line of a panel."""
 
 STYLES = (*LINES, *FURTHER_LINES)
 MOST_LINES = len(STYLES)
-"""Lines that can be told apart; more signals are drawn as strips."""
+"""Number of distinguishable lines; more signals are drawn as strips."""
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
 
 def line_of(number: int) -> dict[str, Any]:
-    """How to draw line `number` (from 0) of many: no two of 35 share both marker and dashes.
+    """Return the style of line `number` (from 0): no two of 35 share both marker and dashes.
 
-    The markers tell the first seven apart in grey, also where they lie close.
+    The markers distinguish the first seven in grey, also where they lie close.
     """
     marker = {"marker": MARKERS[number % len(MARKERS)], "markersize": 4.0}
     return {**STYLES[number % MOST_LINES], **marker}
@@ -73,10 +73,10 @@ SETTINGS: Mapping[str, Any] = MappingProxyType(
 
 
 def set_title(figure: "Figure", title: str, top: float | None = None) -> None:
-    """Give a figure a title from outside as it is: one line, without mathematics.
+    """Give a figure a title as plain text: one line, without mathematics.
 
-    Long titles are written smaller, so that they fit in the figure. `top` is where it stands, as a
-    part of the height; None leaves that to the figure's layout, which then makes room for it.
+    Long titles are smaller, so that they fit. `top` is the position as a fraction of the height;
+    None leaves it to the figure's layout, which then makes room for it.
     """
     text = clean(title, MAX_TITLE_LENGTH)
     size = min(10.0, max(6.0, LETTERS_PER_INCH * 10 * figure.get_figwidth() / max(1, len(text))))
@@ -86,12 +86,12 @@ def set_title(figure: "Figure", title: str, top: float | None = None) -> None:
 
 
 def escape_mathematics(label: str) -> str:
-    """A label from outside, on which no dollar sign begins mathematics."""
+    """Escape dollar signs of a label, which would begin mathematics."""
     return clean(label, MAX_LABEL_LENGTH).replace("$", "\\$")
 
 
 def panels(count: int, title: str, height: float = 2.1) -> "tuple[Figure, list[Axes]]":
-    """A figure with `count` panels above each other that share the time axis, and a title."""
+    """Return a figure with a title and `count` panels above each other over one time axis."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 

@@ -1,4 +1,4 @@
-"""What happens during a run: failures, alarms, verdicts, and phases of the law."""
+"""Events of a run: failures, alarms, verdicts, and phases of the law."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -12,16 +12,16 @@ from jaxsat.report.plot import Timeline
 from jaxsat.store.labels import ALL_PARTS
 
 DIAGNOSED = tuple(kind.word for kind in DiagnosedKind)
-"""Kinds of failure by their numbers, in words."""
+"""Text of diagnosed kinds of failure, by number."""
 
 MOST_VERDICTS = 6
-"""Alarms and verdicts that a figure names."""
+"""Number of alarms and verdicts that a figure names."""
 
 
 def timeline_of(dataset: xr.Dataset) -> Timeline:
-    """Failures, alarms and verdicts of a run, and when its law is not in its usual mode.
+    """Return failures, alarms and verdicts of a run, and spans of unusual modes of its law.
 
-    That is mode 0 or, without one, the mode in which the run ends.
+    The usual mode is 0 or, without one, the mode in which the run ends.
     """
     time = dataset["time"].values
     marks = [*failures_of(scenario_tables(dataset), time), *verdicts(dataset)]
@@ -33,12 +33,12 @@ def timeline_of(dataset: xr.Dataset) -> Timeline:
 
 
 def subject_title(dataset: xr.Dataset, subject: str) -> str:
-    """The title of a run with what a figure of it shows."""
+    """Return the title of a run with the subject of a figure."""
     return f"{dataset.attrs.get('title', 'Trajectory')}: {subject}"
 
 
 def failures_of(scenario: Mapping[str, Any], times: np.ndarray) -> list[tuple[float, str]]:
-    """When (s) what fails until the last of the times, in order, such as (300, "wheel 2 dead")."""
+    """Return times (s) and names of failures up to the last time, such as (300, "wheel 2 dead")."""
     return sorted(
         (at, f"{table.get('of', '')} {table.get('kind', 'fails')}")
         for table in scenario.get("failure", ())
@@ -47,7 +47,7 @@ def failures_of(scenario: Mapping[str, Any], times: np.ndarray) -> list[tuple[fl
 
 
 def verdicts(dataset: xr.Dataset) -> list[tuple[float, str]]:
-    """When (s) a law that diagnoses its actuators had its first alarms, and what it isolated."""
+    """Return times (s) and names of the first alarms and isolations by a diagnosing law."""
     if "diagnosed_kind" not in dataset:
         return []
     time, kinds = dataset["time"].values, dataset["diagnosed_kind"].values
@@ -64,19 +64,19 @@ def verdicts(dataset: xr.Dataset) -> list[tuple[float, str]]:
 
 
 def diagnosed_part(dataset: xr.Dataset) -> str:
-    """What the law of a run diagnoses: "thruster", "wheel", or "actuator" for both."""
+    """Return the diagnosed kind of actuator: "thruster", "wheel", or "actuator" for both."""
     return str(dataset["diagnosed_kind"].dims[-1])
 
 
 def diagnosed_names(dataset: xr.Dataset) -> list[str]:
-    """The kind and name of each actuator that the law of a run diagnoses, such as "wheel A"."""
+    """Return kind and name of each diagnosed actuator, such as "wheel A"."""
     part = diagnosed_part(dataset)
     names = dataset[part].values
     return [str(name) if part == ALL_PARTS else f"{part} {name}" for name in names]
 
 
 def mode_names(dataset: xr.Dataset) -> dict[int, str]:
-    """The meanings of the numbers of `mode` that occur in a run."""
+    """Return the meanings of the numbers of `mode` that occur in a run."""
     attributes, modes = dataset["mode"].attrs, dataset["mode"].values
     meanings = str(attributes.get("flag_meanings", "")).split()
     values = np.atleast_1d(attributes.get("flag_values", [])).astype(int).tolist()

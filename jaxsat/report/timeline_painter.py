@@ -1,4 +1,4 @@
-"""What happens while signals last, painted by matplotlib over a panel of them."""
+"""Events of a timeline, painted by matplotlib over a panel of signals."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -8,11 +8,11 @@ from jaxsat.report.plot import Timeline
 from jaxsat.report.style import escape_mathematics
 
 MARK_ROWS, MARK_STEP = 9, 0.1
-"""Rows of names of instants, and what one takes of the height of a panel."""
+"""Rows of names of instants, and the height of one over that of a panel."""
 
 
 def paint_marks(panel: Axes, timeline: Timeline, *, named: bool) -> None:
-    """Dotted lines at the instants, one object, with their names where `named`."""
+    """Paint dotted lines at the instants, as one object, with their names if `named`."""
     if not timeline.marks:
         return
     instants = [at for at, _ in timeline.marks]
@@ -24,7 +24,7 @@ def paint_marks(panel: Axes, timeline: Timeline, *, named: bool) -> None:
 
 
 def paint_shades(panel: Axes, timeline: Timeline) -> None:
-    """Bands of grey during the named spans of time."""
+    """Paint bands of grey during the named spans of time."""
     greys = np.linspace(0.7, 0.9, max(len(timeline.shades), 1))
     for grey, (name, there) in zip(greys, timeline.shades.items(), strict=False):
         panel.fill_between(
@@ -42,7 +42,7 @@ def paint_shades(panel: Axes, timeline: Timeline) -> None:
 
 
 def _name_marks(panel: Axes, timeline: Timeline) -> None:
-    """The names of the marks, each in the first row in which it covers no other.
+    """Write the names of the marks, each in the first row without overlap.
 
     A name is right of its mark, or left of it where it would leave the panel.
     """

@@ -1,5 +1,4 @@
-"""What a tuning found, as a document of its records: `verdict.json`, `receipt.json` and, where
-other methods ran, `baselines.json`; and its plots."""
+"""Document and plots of a tuning, from `verdict.json`, `receipt.json` and `baselines.json`."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -12,7 +11,7 @@ from jaxsat.report.plot import Axis, Line, Plot
 from jaxsat.report.study_document import INTERVALS, fraction_cell, interval_cell, interval_of
 
 DOMINANT_FRACTION = 0.5
-"""Part of the cost from which on its source is reported."""
+"""Fraction of the cost from which its source is reported."""
 
 EVALUATIONS = {
     "before": "held out, before",
@@ -38,7 +37,7 @@ def tuning_document(
     baselines: Sequence[Record] = (),
     absent: Sequence[str] = (),
 ) -> Document:
-    """Whether the gains are better and whether to trust them, gains, evaluations and the receipt.
+    """Return the document: verdict, gains, evaluations and receipt.
 
     `absent` are packages whose methods were left out. Raises `KeyError` or `TypeError` for records
     of another form.
@@ -109,7 +108,6 @@ def _gains(verdict: Record) -> Table:
 
 
 def _evaluations(verdict: Record) -> Table:
-    """Settling, effort and cost before and after."""
     evaluations = [verdict[name] for name in EVALUATIONS]
     rows: list[list[Cell]] = [
         ["cases", *(one["cases"] for one in evaluations)],
@@ -229,7 +227,7 @@ STEP = Axis("step")
 
 
 def loss_plots(history: xr.Dataset) -> list[Plot]:
-    """Loss in training and on the validation cases, gradient norm, and the fraction settled."""
+    """Plot loss in training and validation, gradient norm, and the fraction settled."""
     checks, best = history["validation"].values, history["best_loss"].values
     settled = history["validation_settled"].max("start", skipna=True).values
     ends = f"On the validation cases the best so far ends at {best[-1]:.4g}."
@@ -247,7 +245,7 @@ def loss_plots(history: xr.Dataset) -> list[Plot]:
 
 
 def gain_plots(history: xr.Dataset) -> list[Plot]:
-    """Every gain on its way, all starts, and that of the best iterate so far."""
+    """Plot every gain over the steps, of all starts, and that of the best iterate so far."""
     checks, plots = history["validation"].values, []
     scales = np.atleast_1d(history.attrs["parameter_scales"])
     units = np.atleast_1d(history.attrs["parameter_units"])
@@ -272,7 +270,7 @@ def _starts(history: xr.Dataset, name: str) -> Iterator[Line]:
 def before_after_plots(
     before: Mapping[str, np.ndarray], after: Mapping[str, np.ndarray]
 ) -> list[Plot]:
-    """What fraction of the held-out cases is below a settling time, effort or cost."""
+    """Plot the fraction of held-out cases below a settling time, effort or cost."""
     quantities = {
         "settling_time": Axis("settling time", "s"),
         "effort": Axis("effort", "N m s", log=True),
@@ -292,7 +290,7 @@ def before_after_plots(
 
 
 def methods_plot(traces: Mapping[str, np.ndarray]) -> Plot:
-    """Validation loss of the best point so far over trajectories spent, a line each method."""
+    """Plot validation loss of the best point so far over trajectories, a line for each method."""
     axis = Axis("trajectories computed (a gradient of n gains: n + 1)", linear_to=100.0)
     loss = Axis("validation loss, exact law", log=True)
     lines = [Line(one[:, 0], one[:, 1], name, steps=True) for name, one in traces.items()]

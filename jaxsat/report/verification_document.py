@@ -1,4 +1,4 @@
-"""What a verification found, as a document of its record, and as tables in CSV."""
+"""Document of a verification, from its record, and tables in CSV."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -10,10 +10,10 @@ from jaxsat.studies.statistics import Interval, fraction_text
 Record = Mapping[str, Any]
 
 GOOD = {"met": True, "violated": False, **dict.fromkeys(("undecided", "not judged", "not tried"))}
-"""How verdicts are shown."""
+"""Sign of verdicts: good, bad or neither."""
 
 FIRST = 12
-"""Failures that text shows."""
+"""Number of failures that text shows."""
 
 MATRIX_COLUMNS = (
     "requirement", "condition", "verdict", "cases", "met", "least_margin", "unit", "signal",
@@ -27,11 +27,11 @@ FAILURE_COLUMNS = (
 
 FAILURE_NAMES = ("device", "failure", "cases", "left", "detected", "detection_time", "isolated",
                  "recovered", "settling_time", "propellant")  # fmt: skip
-"""Of a record's failures: the numbers of a row that the document and the CSV file have alike."""
+"""Numbers of a failure's row that the document and the CSV file share."""
 
 
 def verification_document(record: Record) -> Document:
-    """The verdict on each requirement, what shows it, failures, and what was not tried.
+    """Return the document: verdict on each requirement, evidence, failures, and untried conditions.
 
     Raises `KeyError` or `TypeError` for a record of another form.
     """
@@ -117,7 +117,7 @@ def _failures(record: Record) -> Table:
 
 
 def _severity(one: Record) -> tuple[float, float]:
-    """A key by which failures are in order, the worst first."""
+    """Return a sorting key of failures, the worst first."""
     least = min(one["met"].values(), default=one["cases"])
     return least / one["cases"], one["recovered"] / one["cases"]
 
@@ -129,20 +129,20 @@ def _failure_cells(one: Record) -> Iterator[Cell]:
 
 
 def _violations(one: Record) -> str:
-    """Which requirements are violated in how many cases, such as "POINT-1 in 3"."""
+    """Describe violated requirements with the number of cases, such as "POINT-1 in 3"."""
     violations = {name: one["cases"] - met for name, met in one["met"].items()}
     return ", ".join(f"{name} in {count}" for name, count in violations.items() if count)
 
 
 def matrix_csv(record: Record) -> str:
-    """The traceability matrix: a row for each requirement and condition."""
+    """Return the traceability matrix: a row for each requirement and condition."""
     names = ("requirement", "condition", "verdict", "cases", "met", "margin", "unit", "signal",
              "time", "worst", "command")  # fmt: skip
     return csv_text([MATRIX_COLUMNS, *([one[name] for name in names] for one in record["shown"])])
 
 
 def failure_csv(record: Record) -> str:
-    """The failure table: a row for each device and kind of failure."""
+    """Return the failure table: a row for each device and kind of failure."""
     rows = (
         [*(one[name] for name in FAILURE_NAMES), _violations(one), one["worst"], one["command"]]
         for one in record["failures"]

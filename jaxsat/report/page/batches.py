@@ -1,7 +1,6 @@
-"""Sections from the files of folders: of a tuning, a comparison, a design, an analysis of
-controllability and a reproduction.
+"""Sections of a page from folders of tunings, comparisons, designs, analyses and reproductions.
 
-A file that is unreadable or was changed becomes one message.
+A file that is unreadable or was changed raises one error.
 """
 
 import contextlib
@@ -36,7 +35,7 @@ from jaxsat.store.marker import read_unchanged
 
 
 def read_record(path: Path) -> Mapping[str, Any]:
-    """The JSON object that a file holds; raises `OutputError`."""
+    """Return the JSON object of a file; raises `OutputError`."""
     record = parse_json(read_unchanged(path))
     if not isinstance(record, Mapping):
         raise OutputError(f"{path} is damaged, or was not written by jaxsat.")
@@ -44,13 +43,13 @@ def read_record(path: Path) -> Mapping[str, Any]:
 
 
 def read_lines(path: Path) -> str:
-    """The text of a file, empty where there never was one; raises `OutputError`."""
+    """Return the text of a file, empty for a missing one; raises `OutputError`."""
     return (read_unchanged(path) or b"").decode(errors="replace")
 
 
 @contextlib.contextmanager
 def form_explained(folder: Path) -> Iterator[None]:
-    """Turns what missing numbers lead to into an `OutputError` that names the folder."""
+    """Turn errors by missing numbers into an `OutputError` that names the folder."""
     try:
         yield
     except (KeyError, IndexError, TypeError, AttributeError, ValueError) as error:
@@ -58,7 +57,7 @@ def form_explained(folder: Path) -> Iterator[None]:
 
 
 def tuning_section(folder: Path) -> Document:
-    """What a tuning found: whether the gains are better, and whether to trust it."""
+    """Return the section of a tuning."""
     verdict, receipt = (read_record(folder / f"{name}.json") for name in ("verdict", "receipt"))
     history = open_trajectory(folder / "history.nc")
     baselines = parse_json(read_unchanged(folder / "baselines.json")) or ()
@@ -77,7 +76,7 @@ def tuning_section(folder: Path) -> Document:
 
 
 def comparison_section(folder: Path) -> Document:
-    """Which law to take, and how all of them did on the same cases."""
+    """Return the section of a comparison."""
     record = read_record(folder / "comparison.json")
     with form_explained(folder):
         document = comparison_document(record)
@@ -90,7 +89,7 @@ def comparison_section(folder: Path) -> Document:
 
 
 def verification_section(folder: Path) -> Document:
-    """Which requirements are verified, and what shows it."""
+    """Return the section of a verification."""
     record = read_record(folder / "verification.json")
     with form_explained(folder):
         document = verification_document(record)
@@ -99,7 +98,7 @@ def verification_section(folder: Path) -> Document:
 
 
 def rare_event_section(folder: Path) -> Document:
-    """How probable it is that a requirement is violated, and where cases violate it."""
+    """Return the section of a rare event."""
     record = read_record(folder / "rare-event.json")
     with form_explained(folder):
         document = rare_event_document(record)
@@ -109,7 +108,6 @@ def rare_event_section(folder: Path) -> Document:
 
 
 def _settled_by_law(folder: Path, rows: list[Mapping[str, Any]]) -> list[Chart]:
-    """The fraction settled by a time, a line for each law, from the stores that are there."""
     times: dict[str, dict[str, np.ndarray]] = {}
     for row in rows:
         store = store_of_row(folder, row)
@@ -121,7 +119,7 @@ def _settled_by_law(folder: Path, rows: list[Mapping[str, Any]]) -> list[Chart]:
 
 
 def reproduction_section(folder: Path) -> Document:
-    """The paper's claims, judged again from the trajectories in the folder."""
+    """Return the section of the paper's claims, judged from the trajectories in the folder."""
     datasets = {name: open_trajectory(folder / f"{name}.nc") for name in RUNS}
     document = claims_document(judge(datasets))
     charts, names_of = [], list(datasets)
@@ -150,7 +148,7 @@ def reproduction_section(folder: Path) -> Document:
 
 
 def controllability_section(folder: Path) -> Document:
-    """Whether the spacecraft can be steered, now and after every failure."""
+    """Return the section of an analysis of controllability."""
     dataset = open_trajectory(folder / "failures.nc")
     title = str(dataset.attrs.get("title", "")) or folder.name
     with form_explained(folder):
@@ -167,7 +165,7 @@ def controllability_section(folder: Path) -> Document:
 
 
 def design_section(folder: Path) -> Document:
-    """Whether a controller was found, what it was verified on, and what would help."""
+    """Return the section of a design."""
     record = read_record(folder / "design.json")
     scenario = read_lines(folder / DESIGNED)
     blocks: list[Block] = []
@@ -185,7 +183,6 @@ def design_section(folder: Path) -> Document:
 
 
 def _charts(folder: Path, record: Mapping[str, Any]) -> Iterator[Chart]:
-    """Settling of the cases of the verification, from its store if that is there."""
     store = named_store(folder, f"verification-{record['chosen']}")
     if record["verification"] is None or not (store / "zarr.json").is_file():
         return

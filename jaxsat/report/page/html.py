@@ -1,4 +1,4 @@
-"""The complete page: paths to sections, by the kind of each result, and these to HTML."""
+"""The complete page: paths to sections, by the kind of each result, and sections to HTML."""
 
 import dataclasses
 import importlib.util
@@ -27,23 +27,23 @@ from jaxsat.store.files import OutputError, parse_json
 from jaxsat.store.marker import read_unchanged, unverified
 
 PACKAGES = ("bokeh", "jinja2")
-"""What the extra `report` installs."""
+"""Packages of the extra `report`."""
 
 SCRIPTS = ("vectors.js", "painter.js", "craft.js", "replay.js", "page.js")
-"""Scripts that the page puts into one module, in the order in which they build on each other."""
+"""Scripts that the page joins into one module, in order of dependence."""
 
 
 class MissingPackages(JaxsatError, ImportError):
-    """The packages that a page is made with are not installed."""
+    """Packages for making a page are not installed."""
 
 
 def report_page(paths: Sequence[str | Path], *, title: str | None = None) -> str:
-    """One HTML file of the results at these paths, which needs no network.
+    """Return one HTML file of the results at these paths, which needs no network.
 
     A path is the folder of a run or its `trajectory.nc`, the store of a study, or the folder of a
-    tuning, a comparison, a design, a reproduction or an analysis of controllability. The order
-    stays. Raises `OutputError` for what is no result or is damaged, and `MissingPackages` where
-    Bokeh or Jinja2 are not installed.
+    tuning, a comparison, a design, a reproduction or an analysis of controllability. The order is
+    kept. Raises `OutputError` for a path without result or with a damaged one, and
+    `MissingPackages` where Bokeh or Jinja2 are not installed.
     """
     require_packages()
 
@@ -61,7 +61,7 @@ def require_packages() -> None:
 
 
 def render(sections: Sequence[Document], title: str) -> str:
-    """The HTML of some sections."""
+    """Return the HTML of sections."""
     from bokeh.document import Document as Models
     from bokeh.embed import components
     from bokeh.resources import Resources
@@ -112,7 +112,6 @@ def render(sections: Sequence[Document], title: str) -> str:
 
 
 def _prose(text: str) -> str:
-    """Prose with what a reader types as code."""
     from markupsafe import Markup, escape
 
     parts = ((is_code, escape(piece)) for is_code, piece in prose(text))
@@ -122,7 +121,7 @@ def _prose(text: str) -> str:
 
 
 def _window(section: Document) -> dict[str, Any] | None:
-    """What the script needs to know of the plots of a section over time."""
+    """Return the script's data of a section's plots over time."""
     if section.plots is None:
         return None
     start, end = section.plots.reset
@@ -131,7 +130,7 @@ def _window(section: Document) -> dict[str, Any] | None:
 
 
 def _inks(charts: Sequence[Chart]) -> dict[str, list[str]]:
-    """The models whose colours go with those of the page, by tag."""
+    """Return the ids of models whose colours follow those of the page, by tag."""
     from jaxsat.report.page.plots import INKS
 
     models: dict[str, set[str]] = {ink: set() for ink in INKS}
@@ -148,7 +147,7 @@ def _asset(name: str) -> str:
 
 
 MOST_TOGETHER = 6
-"""Spacecraft that are replayed side by side."""
+"""Largest number of spacecraft that are replayed side by side."""
 
 
 MADE_BY: Mapping[str, tuple[str, str]] = {
@@ -161,15 +160,15 @@ MADE_BY: Mapping[str, tuple[str, str]] = {
     "failures.nc": ("batches", "controllability_section"),
     "verdicts.md": ("batches", "reproduction_section"),
 }
-"""Module and function that make the section of a folder, by a file that only its kind of result
-has; imported when there is one."""
+"""Module and function of each kind of section, by a file that only that kind of result has;
+imported on demand."""
 
 
 def sections_of(paths: Sequence[Path]) -> list[Document]:
-    """A section for each path; with several runs one more before them, which replays all at once.
+    """Return a section for each path; with several runs one more before them, which replays all.
 
-    No module that a result names is imported.
-    Raises `OutputError` for what is no result of jaxsat or is damaged.
+    No module that a result names is imported. Raises `OutputError` for a path without result or
+    with a damaged one.
     """
     with without_imports():
         sections = [_told_if_unverified(path, _section(path)) for path in paths]
@@ -190,7 +189,7 @@ def sections_of(paths: Sequence[Path]) -> list[Document]:
 
 
 def _told_if_unverified(path: Path, section: Document) -> Document:
-    """A section that says first where no marker vouches for its files; a store does that itself."""
+    """Begin a section with a remark if no marker verifies its files; stores have own checks."""
     is_store = (path / "zarr.json").is_file()
     remark = None if is_store else unverified(path if path.is_dir() else path.parent)
     if remark is None:
@@ -199,7 +198,6 @@ def _told_if_unverified(path: Path, section: Document) -> Document:
 
 
 def _section(path: Path) -> Document:
-    """The section of one path, made by what is there."""
     if not path.exists():
         raise OutputError(f"{path} does not exist.")
     if path.is_file() or (path / "trajectory.nc").is_file():
@@ -215,7 +213,6 @@ def _section(path: Path) -> Document:
 
 
 def _run(path: Path) -> Document:
-    """The section of a run: of its folder, or of its netCDF file alone."""
     dataset = open_trajectory(path)
     if not {"time", "quaternion", "pointing_error_total", "omega"} <= set(dataset.variables):
         raise OutputError(f"{path} contains no trajectory.")

@@ -40,7 +40,7 @@ FAINT: dict[str, Any] = {"line_color": "#999999", "line_width": 0.8}
 FORM = "{%.5g}"
 
 STRIP_PARTS = 800
-"""Into how many parts the time of strips is divided."""
+"""Number of time intervals of strips."""
 
 INK, INK_TEXT, INK_GRID, INK_FILL = "ink", "ink-text", "ink-grid", "ink-fill"
 """Tags of models whose line, text, grid or area is black on white and light on dark."""
@@ -48,7 +48,7 @@ INKS = (INK, INK_TEXT, INK_GRID, INK_FILL)
 
 
 class TimeWindow:
-    """The time that plots share: they are enlarged together, with one cursor and the marks."""
+    """Time window that plots share: they are enlarged together, with one cursor and the marks."""
 
     def __init__(self, timeline: Timeline):
         start, end = float(timeline.times[0]), float(timeline.times[-1])
@@ -71,7 +71,7 @@ class TimeWindow:
 
 
 def chart_of(plot: Plot, window: TimeWindow | None = None) -> Chart:
-    """The plot with a tooltip for the nearest point; one over time in its window."""
+    """Return the plot with a tooltip for the nearest point; one over time in its window."""
     axes = (("x", plot.x), ("y", plot.y))
     options: dict[str, Any] = {f"{name}_axis_type": "log" for name, axis in axes if axis.log}
     if window is None:
@@ -105,7 +105,7 @@ def chart_of(plot: Plot, window: TimeWindow | None = None) -> Chart:
 
 
 def overview_of(plot: Plot, window: TimeWindow) -> Chart:
-    """The first line over the whole time; the box in it is the window of all other plots."""
+    """Return the first line over the whole time; the box in it is the window of all other plots."""
     (start, end), line = window.reset, plot.lines[0]
     samples = kept_samples(line.y[:, None], 1500)
     drawing = _figure(x_range=Range1d(start=start, end=end), height=80)
@@ -123,7 +123,7 @@ def overview_of(plot: Plot, window: TimeWindow) -> Chart:
 
 
 def stroke_of(number: int) -> dict[str, Any]:
-    """Colour, dashes and width of a line, as in the figures on paper."""
+    """Return colour, dashes and width of a line, as in the figures on paper."""
     style = STYLES[number % MOST_LINES]
     dash = style["linestyle"]
     return {
@@ -134,14 +134,14 @@ def stroke_of(number: int) -> dict[str, Any]:
 
 
 def plain(text: str) -> str:
-    """A label that is never taken for mathematics, for which Bokeh would load a library."""
+    """Protect a label from being taken for mathematics, for which Bokeh would load a library."""
     for mark in ("$$", "\\[", "\\("):
         text = text.replace(mark, mark[0] + "\u2060" + mark[1])
     return text
 
 
 def _figure(*, x_label: str = "", y_label: str = "", x_range: Any = None, **options: Any) -> Any:
-    """An empty figure without a title, which the page has; dragging enlarges, no wheel is taken."""
+    """Return an empty figure without title; dragging zooms, the wheel scrolls the page."""
     drag = BoxZoomTool(dimensions="width") if x_range is not None else BoxZoomTool()
     drawing = figure(
         sizing_mode="stretch_width",
@@ -171,7 +171,6 @@ def _figure(*, x_label: str = "", y_label: str = "", x_range: Any = None, **opti
 
 
 def _keys(plot: Plot) -> list[LegendKey]:
-    """What the lines are; nothing for a single one."""
     if sum(bool(line.label) for line in plot.lines) < 2:
         return []
     lines = [line for line in plot.lines if not line.faint]
@@ -181,7 +180,6 @@ def _keys(plot: Plot) -> list[LegendKey]:
 
 
 def _key(label: str, stroke: Mapping[str, Any]) -> LegendKey:
-    """What a line is in a legend."""
     color, dash = stroke["line_color"], stroke.get("line_dash", "solid")
     color = "currentColor" if color == "#000000" else color
     dashes = "" if dash == "solid" else " ".join(map(str, dash))
@@ -189,7 +187,7 @@ def _key(label: str, stroke: Mapping[str, Any]) -> LegendKey:
 
 
 def _lines(drawing: Any, plot: Plot) -> None:
-    """Lines over the same points share a tooltip, others have one each."""
+    """Draw lines; those over the same points share a tooltip, others have one each."""
     for line in plot.lines:
         if line.faint:
             drawing.line(line.x, _drawable(line.y, plot.y), **FAINT)
@@ -202,7 +200,7 @@ def _lines(drawing: Any, plot: Plot) -> None:
 
 
 def _group(drawing: Any, plot: Plot, lines: Sequence[Line], first: int) -> None:
-    """Lines over the same points, with bands; `first` is the number of the first of the plot."""
+    """Draw lines over the same points, with bands; `first` is the first one's index."""
     columns = {}
     for number, line in enumerate(lines):
         columns[f"y{number}"] = line.y
@@ -263,7 +261,7 @@ def _bars(drawing: Any, plot: Plot, bars: Bars) -> None:
 
 
 def _strips(drawing: Any, plot: Plot, strips: Strips) -> str:
-    """Strips of shades, darker is larger; gives what the shades mean."""
+    """Draw strips of shades, darker is smaller; return the meaning of the shades."""
     shades = largest_of_parts(strips.values, STRIP_PARTS)[1].astype("f4").T
     start, end = float(strips.x[0]), float(strips.x[-1])
     finite = strips.values[np.isfinite(strips.values)]
@@ -288,17 +286,16 @@ def _strips(drawing: Any, plot: Plot, strips: Strips) -> str:
 
 
 def _drawable(values: np.ndarray, axis: Axis) -> np.ndarray:
-    """The values without what a logarithmic axis cannot show."""
+    """Replace values that a logarithmic axis cannot show by NaN."""
     return np.where(values > 0, values, np.nan) if axis.log else np.asarray(values)
 
 
 def _value_text(column: str, axis: Axis) -> str:
-    """A column in the words of a hover, with its unit."""
     return f"@{column}{FORM} {axis.unit_text}".rstrip()
 
 
 def _hover(drawing: Any, renderer: Any, rows: Sequence[tuple[str, str]], mode: Any) -> None:
-    """The tooltip of the nearest point, every number printed as C does."""
+    """Add the tooltip of the nearest point, every number printed as C does."""
     tooltips = [(plain(label), text) for label, text in rows]
     columns = {
         word.partition("{")[0] for _, text in tooltips for word in text.split() if "{" in word
@@ -309,7 +306,6 @@ def _hover(drawing: Any, renderer: Any, rows: Sequence[tuple[str, str]], mode: A
 
 
 def _description(plot: Plot) -> str:
-    """What lines or strips show, in words, for who cannot see them."""
     columns = [(line.label, line.y) for line in plot.lines if not line.faint]
     if plot.strips is not None:
         columns = [*zip(plot.strips.labels, plot.strips.values.T, strict=True)]

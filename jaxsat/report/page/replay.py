@@ -1,4 +1,4 @@
-"""The data of the 3-D replay of a run: body, actuators, attitude and phases."""
+"""Data of the 3-D replay of a run: body, actuators, attitude and phases."""
 
 import base64
 from collections.abc import Mapping, Sequence
@@ -15,14 +15,14 @@ from jaxsat.report.timeline import mode_names
 from jaxsat.scenario.control import known_law
 
 MOST_SAMPLES = 20_000
-"""Samples of the attitude; of longer runs every second is kept, or every third, and so on."""
+"""Largest number of attitude samples; longer runs are thinned evenly."""
 
 THINNEST = 0.12
-"""The least side of the body, as a part of the longest one."""
+"""Least side of the body, over the longest one."""
 
 
 def craft(dataset: xr.Dataset, scenario: Mapping[str, Any], title: str) -> dict[str, Any]:
-    """One spacecraft and its motion; arrays are base64 of little-endian floats."""
+    """Return one spacecraft and its motion; arrays are base64 of little-endian floats."""
     every = -(-len(dataset["time"]) // MOST_SAMPLES)
     samples = np.unique(
         np.append(np.arange(0, len(dataset["time"]), every), len(dataset["time"]) - 1)
@@ -58,10 +58,10 @@ def craft(dataset: xr.Dataset, scenario: Mapping[str, Any], title: str) -> dict[
 
 
 def body_box(scenario: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
-    """Principal axes (rows, body axes) and half sides of a uniform box with this inertia.
+    """Return principal axes (rows, body axes) and half sides of a uniform box with this inertia.
 
-    The longest half side is 1; the mass is not known. Of a body that no box can have, a side is
-    thin.
+    The longest half side is 1, as the mass is unknown. A body that no box can have gets a thin
+    side.
     """
     inertia = np.array(scenario.get("spacecraft", {}).get("inertia_kg_m2", (1.0, 1.0, 1.0)), float)
     matrix = np.diag(inertia) if inertia.ndim == 1 else inertia
@@ -75,7 +75,7 @@ def body_box(scenario: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def phases_of(dataset: xr.Dataset) -> list[dict[str, Any]]:
-    """The phases of the law one after another: name, start and end, s."""
+    """Return the phases of the law in order: name, start and end, s."""
     names, time = mode_names(dataset), dataset["time"].values
     if len(names) < 2:
         return []
@@ -92,10 +92,10 @@ def phases_of(dataset: xr.Dataset) -> list[dict[str, Any]]:
 def _failures_of_part(
     scenario: Mapping[str, Any], kind: str, name: str, gone: bool, way: int = 1
 ) -> list[dict[str, Any]]:
-    """The failures of a part: from when on (s), and how, in order of time; a later one replaces.
+    """Return the failures of a part in order of time (s), each replacing the one before.
 
-    It may be `gone` before the start. What is stuck or leaks leaves the way -1 of a two-sided
-    thruster as it is.
+    The part may be `gone` before the start. Stuck and leaking kinds do not affect the way -1 of a
+    two-sided thruster.
     """
     if gone:
         return [{"at": 0.0, "kind": "failed"}]
@@ -111,7 +111,7 @@ def _failures_of_part(
 def _thrusters(
     scenario: Mapping[str, Any], data: xr.Dataset
 ) -> tuple[list[dict[str, Any]], np.ndarray | None]:
-    """The thrusters to draw and how hard each fires (times, n), if that is known."""
+    """Return the thrusters to draw, and the level of each (times, n) or None."""
     tables = scenario.get("thruster", ())
     if not tables:
         return _ideal_thrusters(scenario), None
@@ -167,9 +167,9 @@ def _torque_axis(table: Mapping[str, Any], sign: int) -> list[float] | None:
 def _along_axes(
     scenario: Mapping[str, Any], data: xr.Dataset, kind: str, signal: Signal
 ) -> dict[str, Any]:
-    """Devices to draw, and their signal (times, n) in parts of its limit.
+    """Return devices to draw, and their signal (times, n) over its limit.
 
-    Of those without a limit it is in parts of the largest one.
+    Signals without a limit are over their largest value.
     """
     tables, parts, levels = scenario[kind], [], None
     for place, table in enumerate(tables, 1):
@@ -187,7 +187,7 @@ def _along_axes(
 def _around(
     half: np.ndarray, axes: np.ndarray, thrusters: Sequence[Mapping[str, Any]]
 ) -> np.ndarray:
-    """The box in metres where thrusters have places: so large that they sit on it or in it."""
+    """Scale the box to metres where thrusters have positions, so that they lie on it or in it."""
     places = [one["position"] for one in thrusters if one["position"] is not None]
     if not places:
         return half
@@ -197,7 +197,7 @@ def _around(
 
 
 def _scale(values: np.ndarray) -> np.ndarray:
-    """The values as parts of what is seldom exceeded, -1 to 1."""
+    """Scale values by their 99th percentile, clipped to -1 to 1."""
     sizes = np.abs(values[np.isfinite(values)])
     usual = float(np.percentile(sizes, 99)) if len(sizes) else 0.0
     usual = usual or (float(sizes.max()) if len(sizes) else 0.0) or 1.0

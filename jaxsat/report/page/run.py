@@ -1,4 +1,4 @@
-"""The section of one run: verdict, replay, plots, numbers, scenario, provenance."""
+"""Section of one run: verdict, replay, plots, numbers, scenario, provenance."""
 
 import dataclasses
 from typing import Any
@@ -29,7 +29,7 @@ from jaxsat.store.dataset import coarseness
 
 
 def run_section(dataset: xr.Dataset, name: str, command: str = "") -> Document:
-    """What the dataset of a run has to say; `name` is where it came from."""
+    """Return the section of a run's dataset; `name` is its origin."""
     scenario = scenario_tables(dataset)
     document = run_document(dataset, name)
     dataset = until_end(dataset)
@@ -58,8 +58,6 @@ def run_section(dataset: xr.Dataset, name: str, command: str = "") -> Document:
 
 
 def _plots(dataset: xr.Dataset) -> dict[str, list[Plot]]:
-    """The plots of a run by heading; none where a signal is not there or says nothing."""
-
     def of(*names: str) -> list[Plot]:
         return [plot for name in names for plot in signal_plots(dataset, name)]
 
@@ -77,7 +75,7 @@ def _plots(dataset: xr.Dataset) -> dict[str, list[Plot]]:
 
 
 def extremes(dataset: xr.Dataset) -> Table:
-    """Least, largest and last value of every signal, which the plots draw."""
+    """Return the least, largest and last value of every signal."""
     rows = []
     for name, variable in dataset.data_vars.items():
         if variable.dims[:1] != ("time",):

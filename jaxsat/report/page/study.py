@@ -1,4 +1,4 @@
-"""The section of a study: how many cases settle, when, sensitivities, and the worst."""
+"""Section of a study: settled fraction, settling times, sensitivities, and worst cases."""
 
 import dataclasses
 import hashlib
@@ -25,19 +25,19 @@ from jaxsat.studies.sensitivities import Sensitivity, numbers_of
 from jaxsat.studies.summary import Summary, summarise
 
 WORST = 25
-"""Cases of the table of the worst."""
+"""Number of rows in the table of worst cases."""
 
 QUANTITIES = 6
-"""Dispersed quantities over which success is drawn, those that matter most."""
+"""Largest number of dispersed quantities over which success is drawn, the most important ones."""
 
 FEWEST_QUANTITIES = 2
-"""Quantities that are drawn even where none of them can be told from chance."""
+"""Least number of quantities that are drawn, even if none is significant."""
 
 FILE = "study.toml"
 
 
 def study_section(path: Path) -> Document:
-    """What a store has to say; raises `OutputError` for one that is empty or damaged."""
+    """Return the section of a store; raises `OutputError` for one that is empty or damaged."""
     study, columns = open_study(path), study_columns(path)
     identity, runs = (json.loads(study.attrs[name]) for name in ("identity", "runs"))
     try:
@@ -65,7 +65,7 @@ def study_section(path: Path) -> Document:
 
 
 def scenario_text(tables: Mapping[str, Any], title: str) -> str | None:
-    """The scenario of a study as a file; None where its law is not installed here."""
+    """Return the scenario of a study as a file; None where its law is not installed."""
     present = {name: table for name, table in tables.items() if table is not None}
     try:
         return dump(Scenario.model_validate({"title": title, **present}))
@@ -74,7 +74,6 @@ def scenario_text(tables: Mapping[str, Any], title: str) -> str | None:
 
 
 def _without_absent(value: Any) -> Any:
-    """A table without what is not given."""
     if isinstance(value, Mapping):
         present = {key: _without_absent(entry) for key, entry in value.items() if entry is not None}
         return {key: entry for key, entry in present.items() if entry != {}}
@@ -84,7 +83,7 @@ def _without_absent(value: Any) -> Any:
 def _quantities(
     columns: Mapping[str, Any], finished_cases: np.ndarray, times: np.ndarray, summary: Summary
 ) -> list[Charts]:
-    """Success and settling time over the dispersed numbers that matter most."""
+    """Plot success and settling time over the most important dispersed numbers."""
     settled = np.isfinite(times)
     plots = []
     for label in _ranking(summary)[:QUANTITIES]:
@@ -100,7 +99,7 @@ def _quantities(
 
 
 def _ranking(summary: Summary) -> list[str]:
-    """The dispersed numbers on which settling depends, or the cost, by how much they matter."""
+    """Return the dispersed numbers on which settling depends, or the cost, by importance."""
 
     def weight(entry: Sensitivity) -> float:
         return -np.nan_to_num(entry.first_order.value, nan=-1.0)
@@ -113,7 +112,7 @@ def _ranking(summary: Summary) -> list[str]:
 
 
 def _worst(study: Any, summary: Summary, identity: Mapping[str, Any], has_file: bool) -> Table:
-    """The worst cases with what was drawn, and the command that computes the first again."""
+    """Return the worst cases with their draws, and the command that computes the first again."""
     table = case_table(study.isel(case=summary.worst))
     draw_names = [name for name in table if str(name).startswith("drawn_")]
     others = [name for name in table if str(name) not in draw_names]
@@ -144,7 +143,7 @@ def _cell(value: Any) -> float | None:
 
 
 def case_command(identity: Mapping[str, Any], case: int, count: int) -> str:
-    """The command that computes one case of a study again, from the scenario file of the page."""
+    """Return the command that computes one case of a study, from the scenario file of the page."""
     engine = identity["engine"]
     words = ["jaxsat", "montecarlo", FILE, "--seed", str(identity["seed"])]
     words += ["--count", str(identity["size"] or count), "--engine", str(engine["name"])]
@@ -154,7 +153,6 @@ def case_command(identity: Mapping[str, Any], case: int, count: int) -> str:
 
 
 def _engine(identity: Mapping[str, Any]) -> Iterator[str]:
-    """What says how an engine integrates, every number with its name."""
     for key, value in identity.items():
         if key == "tolerance":
             names = [one.name for one in dataclasses.fields(Tolerance)]
@@ -164,7 +162,6 @@ def _engine(identity: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _provenance(identity: Mapping[str, Any], runs: list[dict[str, Any]], path: Path) -> Facts:
-    """What made a store: program, seed, versions and machines of every time it was continued."""
     text = json.dumps(identity["scenario"], sort_keys=True)
     rows = {
         "store": str(path.name),

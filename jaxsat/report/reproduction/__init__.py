@@ -1,7 +1,7 @@
-"""The paper's section 5 run again, and each of its claims held against what comes out.
+"""The paper's section 5 computed again, and a judgement of each of its claims.
 
-Wang, Jia, Jin, Xu, Control analysis of an underactuated spacecraft under disturbance,
-Acta Astronautica 83 (2013) 44-53.
+Wang, Jia, Jin, Xu, Control analysis of an underactuated spacecraft under disturbance, Acta
+Astronautica 83 (2013) 44-53.
 """
 
 from jaxsat.report.reproduction.claim import RUNS, Claim, ClaimVerdict, PaperRun

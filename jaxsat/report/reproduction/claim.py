@@ -1,4 +1,4 @@
-"""What a claim of the paper is, which simulations claims need, and how their datasets are read."""
+"""Claims of the paper, their simulations, and access to the datasets."""
 
 import enum
 import tomllib
@@ -11,7 +11,7 @@ import xarray as xr
 
 
 class PaperRun(NamedTuple):
-    """A library scenario with overrides in the form the command line takes, and what it is for."""
+    """A library scenario with overrides in the form of the command line, and its purpose."""
 
     scenario: str
     overrides: tuple[str, ...]
@@ -71,14 +71,14 @@ RUNS: Mapping[str, PaperRun] = MappingProxyType(
 
 
 SMALL_RATE = 1e-3
-"""rad/s. A rate below this counts as zero, as in the definition of settled."""
+"""Rate (rad/s) below which it counts as zero, as in the definition of settled."""
 
 Datasets = Mapping[str, xr.Dataset]
 """Trajectories by the names in `jaxsat.report.reproduction.RUNS`."""
 
 
 class ClaimVerdict(enum.Enum):
-    """What became of a claim."""
+    """Verdict on a claim."""
 
     HOLDS = "holds"
     ONLY_IF = "holds only if"
@@ -86,7 +86,7 @@ class ClaimVerdict(enum.Enum):
 
 
 class Claim(NamedTuple):
-    """A claim of the paper and what simulation says of it."""
+    """A claim of the paper, and the result of simulation."""
 
     source: str
     statement: str
@@ -101,32 +101,32 @@ class Claim(NamedTuple):
 
 
 def decide(holds: bool, holds_if: bool, condition: str) -> tuple[ClaimVerdict, str]:
-    """The verdict, with the condition where the claim needs it."""
+    """Return the verdict, with the condition where the claim needs it."""
     if holds:
         return ClaimVerdict.HOLDS, ""
     return (ClaimVerdict.ONLY_IF, condition) if holds_if else (ClaimVerdict.FAILS, "")
 
 
 def scenario_of(dataset: xr.Dataset) -> dict[str, Any]:
-    """The scenario that a trajectory was made with."""
+    """Return the scenario of a trajectory."""
     return tomllib.loads(dataset.attrs["scenario"])
 
 
 def last(dataset: xr.Dataset, span: float) -> xr.Dataset:
-    """The last `span` seconds of a trajectory."""
+    """Return the last `span` seconds of a trajectory."""
     return dataset.sel(time=slice(float(dataset["time"][-1]) - span, None))
 
 
 def at(dataset: xr.Dataset, time: float) -> xr.Dataset:
-    """The first saved instant from `time` (s) on."""
+    """Return the first saved instant from `time` (s) on."""
     return dataset.isel(time=int(np.searchsorted(dataset["time"], time)))
 
 
 def duration(dataset: xr.Dataset) -> float:
-    """The last saved instant, s."""
+    """Return the last saved instant, s."""
     return float(dataset["time"][-1])
 
 
 def when(time: float) -> str:
-    """A settling time in words, s."""
+    """Describe a settling time (s)."""
     return f"settled from {time:.2f} s" if np.isfinite(time) else "not settled"

@@ -1,6 +1,6 @@
 """All claims of the paper's section 5, judged from trajectory datasets alone.
 
-Nothing here knows how the numbers come out.
+No result of the runs is assumed here.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,7 +32,7 @@ from jaxsat.report.reproduction.three_axis_claims import (
 from jaxsat.store.dataset import is_within, time_to_settle
 
 SMALL_ACCELERATION = 1e-5
-"""rad/s². With this much a rate stays small for 100 s; d3 alone makes 3e-6."""
+"""Acceleration (rad/s²) with which a rate stays small for 100 s; d3 alone makes 3e-6."""
 
 
 def third_rate_converges(datasets: Datasets) -> Claim:
@@ -62,14 +62,14 @@ def third_rate_converges(datasets: Datasets) -> Claim:
 
 
 def _third_rate_change(dataset: xr.Dataset) -> np.ndarray:
-    """dω3/dt (rad/s²) by (37) from the rates and d3 of a run, whether or not it obeys (37)."""
+    """Return dω3/dt (rad/s²) by (37) from rates and d3 of a run, even if it does not obey (37)."""
     j1, j2, j3 = scenario_of(dataset)["spacecraft"]["inertia_kg_m2"]
     rates, d3 = dataset["omega"].values, dataset["disturbance"].values[:, 2]
     return ((j1 - j2) * rates[:, 0] * rates[:, 1] + d3) / j3
 
 
 def switching_settles(datasets: Datasets) -> Claim:
-    """Switching between both laws settles the attitude."""
+    """Judge whether switching between both laws settles the attitude."""
     plain, rounded = datasets["switching"], datasets["switching-rounded"]
     times = [time_to_settle(dataset) for dataset in (plain, rounded)]
     half = last(plain, duration(plain) / 2)
@@ -96,7 +96,6 @@ def switching_settles(datasets: Datasets) -> Claim:
 
 
 def _settings(dataset: xr.Dataset) -> str:
-    """What a run of the switching law was made with."""
     scenario = scenario_of(dataset)
     control, limit = scenario["control"], scenario["spacecraft"]["torque_limit_N_m"]
     model = "with" if control.get("internal_model", True) else "without"
@@ -107,7 +106,6 @@ def _settings(dataset: xr.Dataset) -> str:
 
 
 def _transitions(dataset: xr.Dataset) -> str:
-    """When the laws took over from each other, and which is at work at the end."""
     mode, time = dataset["mode"].values, dataset["time"].values
     starts = time[np.flatnonzero(np.diff(mode)) + 1]
     final = "(38)" if mode[-1] else "(42)"
@@ -119,7 +117,7 @@ def _transitions(dataset: xr.Dataset) -> str:
 
 
 def third_rate_decays(datasets: Datasets) -> Claim:
-    """The third rate falls exponentially, at the rate that (38) gives."""
+    """Judge whether the third rate falls exponentially, at the rate that (38) gives."""
     dataset = datasets["rate-without-d3"]
     scenario = scenario_of(dataset)
     j1, j2, j3 = scenario["spacecraft"]["inertia_kg_m2"]
@@ -138,7 +136,7 @@ def third_rate_decays(datasets: Datasets) -> Claim:
 
 
 def rates_reach_zero(datasets: Datasets) -> Claim:
-    """All rates are below `SMALL_RATE` at the end."""
+    """Judge whether all rates are below `SMALL_RATE` at the end."""
     worst = {
         name: float(np.abs(last(datasets[name], 50.0)["omega"]).max())
         for name in ("rate", "rate-without-d3")
@@ -158,7 +156,7 @@ def rates_reach_zero(datasets: Datasets) -> Claim:
 
 
 def burr(datasets: Datasets) -> Claim:
-    """The torque has small spikes, and the disturbance makes them."""
+    """Judge whether the torque has small spikes, caused by the disturbance."""
     late = slice(20.0, 70.0)
     coarse, quiet, fine = (
         float(np.abs(datasets[name].sel(time=late)["torque"]).max())
@@ -196,7 +194,7 @@ _CLAIMS: tuple[Callable[[Datasets], Claim], ...] = (
 
 
 def judge(datasets: Datasets) -> list[Claim]:
-    """All claims, in the order of the paper, from the runs named in `RUNS` of this package."""
+    """Judge all claims, in the paper's order, from the runs named in `RUNS`."""
     return [claim(datasets) for claim in _CLAIMS]
 
 
@@ -204,7 +202,7 @@ GOOD = {ClaimVerdict.HOLDS: True, ClaimVerdict.ONLY_IF: None, ClaimVerdict.FAILS
 
 
 def claims_document(claims: Sequence[Claim]) -> Document:
-    """One row a claim: where the paper says it, what, the number found, the verdict."""
+    """Return a table of the claims: place in the paper, statement, number, verdict."""
     counts = {verdict: sum(one.verdict is verdict for one in claims) for verdict in ClaimVerdict}
     tally = "; ".join(f"{verdict.value}: {count}" for verdict, count in counts.items() if count)
     text = f"{len(claims)} claims of the paper's section 5. {tally.capitalize()}."

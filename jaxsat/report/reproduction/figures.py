@@ -15,7 +15,7 @@ from jaxsat.report.figures import (
 
 
 def paper_figures(datasets: Mapping[str, xr.Dataset]) -> dict[str, Figure]:
-    """Figures by file name, from the runs named in `jaxsat.report.reproduction.RUNS`."""
+    """Return figures by file name, from the runs named in `jaxsat.report.reproduction.RUNS`."""
     rate = datasets["rate"]
     three_axis = datasets["three-axis"].sel(time=slice(0.0, 500.0))
     return {

@@ -19,21 +19,21 @@ from jaxsat.report.reproduction.claim import (
 from jaxsat.store.dataset import time_to_settle
 
 FIGURES_END = 500.0
-"""s. Where the time axis of the paper's figures ends."""
+"""End of the time axis of the paper's figures, s."""
 
 FINAL_PART = 0.1
-"""Part of ω0 by which a final rate may be off. The tolerance of “settled” is 0.9 of ω0 and says
-nothing here; the paper prints -0.0011 rad/s, two digits."""
+"""Error allowed in a final rate, over ω0. The tolerance of "settled" is 0.9 of ω0 and too large
+here; the paper prints -0.0011 rad/s, two digits."""
 
 SMALL_ANGLE = 15.0
-"""Degrees up to which an attitude may be said to change little: cos 15° is within 4 % of 1."""
+"""Rotation (degrees) up to which attitude changes little: cos 15° is within 4 % of 1."""
 
 AT_ZERO = 1e-4
 """|w| below which ω_d of (41) is taken to have no direction."""
 
 
 def attitude_changes_little(datasets: Datasets) -> Claim:
-    """The manoeuvre is small enough for C_bo = I."""
+    """Judge whether the manoeuvre is small enough for C_bo = I."""
     small, exact = datasets["three-axis"], datasets["three-axis-exact"]
     scalar = np.abs(small["quaternion"][:, 0].values)
     angle = float(np.degrees(2 * np.arccos(np.clip(scalar, 0, 1))).max())
@@ -57,7 +57,7 @@ def attitude_changes_little(datasets: Datasets) -> Claim:
 
 
 def attitude_settles(datasets: Datasets) -> Claim:
-    """Attitude and rate settle."""
+    """Judge whether attitude and rate settle."""
     held, free = datasets["three-axis"], datasets["free"]
     times = [time_to_settle(dataset) for dataset in (held, free)]
     rates = np.linalg.norm(last(free, 50.0)["relative_rate"], axis=1)
@@ -78,7 +78,6 @@ def attitude_settles(datasets: Datasets) -> Claim:
 
 
 def _state(instant: xr.Dataset) -> str:
-    """How far from the goal a run is at an instant."""
     return (
         f"|w| = {float(np.linalg.norm(instant['w'])):.1e}, z = {float(instant['z']):.1e} rad, "
         f"|ω_r| = {float(np.linalg.norm(instant['relative_rate'])):.1e} rad/s "
@@ -87,7 +86,6 @@ def _state(instant: xr.Dataset) -> str:
 
 
 def _holding(dataset: xr.Dataset) -> str:
-    """What the ideal torque about the third axis does, beside the thrusters."""
     if "constraint_torque" not in dataset:
         return "Nothing holds the third rate"
     peak = float(np.abs(dataset["constraint_torque"]).max())
@@ -99,7 +97,7 @@ def _holding(dataset: xr.Dataset) -> str:
 
 
 def final_rate(datasets: Datasets) -> Claim:
-    """The rate ends at that of the orbit frame."""
+    """Judge whether the rate ends at that of the orbit frame."""
     dataset = datasets["three-axis"]
     orbit_rate = scenario_of(dataset)["orbit"]["rate_rad_s"]
     final = np.array([0.0, -orbit_rate, 0.0])
@@ -135,7 +133,7 @@ def final_rate(datasets: Datasets) -> Claim:
 
 
 def lyapunov_decreases(datasets: Datasets) -> Claim:
-    """V of the proof never rises."""
+    """Judge whether V of the proof never rises."""
     dataset = datasets["three-axis"]
     value = dataset["lyapunov"].values
     rise = float(np.diff(value).max())
@@ -149,7 +147,7 @@ def lyapunov_decreases(datasets: Datasets) -> Claim:
 
 
 def disturbance_is_cancelled(datasets: Datasets) -> Claim:
-    """The internal model makes the late rates much smaller."""
+    """Judge whether the internal model makes the late rates much smaller."""
     with_it, without, strong_with, strong_without = (
         float(np.abs(last(datasets[name], 100.0)["relative_rate"]).max())
         for name in (
