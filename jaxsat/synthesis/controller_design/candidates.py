@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from jaxsat.control.fine import OscillatorySettling
 from jaxsat.control.planned import PlannedSettling
 from jaxsat.control.supervisor import ThreeSlewSettling
+from jaxsat.core.declaration.laws import Law
 from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE
 from jaxsat.core.errors import ArgumentError
 from jaxsat.scenario import Scenario
@@ -21,11 +22,9 @@ from jaxsat.scenario.control import known_law, required_law
 from jaxsat.scenario.errors import key_of
 from jaxsat.studies.changes import controller_of
 from jaxsat.studies.dispersions import number_at
+from jaxsat.synthesis.controller_design.control_period import control_period
 from jaxsat.synthesis.controller_design.request import ALL, QUICK
 from jaxsat.synthesis.controller_design.vehicle import Scale, VehicleVerdict, scale_of
-
-PERIOD = 0.1
-"""Default control period, s."""
 
 QUICK_PERIOD = 0.05
 """Control period over τ up to which one third-order step per period is accurate enough."""
@@ -182,11 +181,11 @@ def _tables(scenario: Scenario, names: list[str], law: str) -> Iterator[tuple[st
         default = name == own["law"] and _is_default(own, name)
         is_own = name == own["law"] and (law == name or (law == QUICK and not default))
         if is_own:
-            yield name if default else f"{name}, as given", lambda scale: own
+            yield name if default else f"{name}, as given", _own_maker(scenario)
         if is_own and default:
             continue
         for variant, gains in GAINS.get(name, {}).items():
-            yield name + variant, _maker(name, gains, own)
+            yield name + variant, _maker(name, gains, scenario)
         if not is_own and name not in GAINS:
             yield name, lambda scale, name=name: {"law": name}
 
@@ -197,17 +196,26 @@ def _is_default(own: Mapping[str, Any], name: str) -> bool:
     return law is not None and not any(own.get(key) is not None for key in law.declaration.tunable)
 
 
-def _maker(name: str, gains: Gains, own: Mapping[str, Any]) -> Maker:
-    """Return the maker of the table of a built-in law, with period and model of `own`."""
-    law = known_law(name)
+def _own_maker(scenario: Scenario) -> Maker:
+    """Return the maker of the `[control]` table of the scenario itself."""
+    own = scenario.control.model_dump(exclude_none=True)
+    return lambda scale: own | _period(scenario, known_law(own["law"]), scale)
+
+
+def _period(scenario: Scenario, law: Law | None, scale: Scale) -> dict[str, float]:
+    """Return the `period_s` of a law's table, which only a sampled law has."""
+    if law is None or not law.declaration.sampled:
+        return {}
+    return {"period_s": control_period(scenario, law, scale)}
+
+
+def _maker(name: str, gains: Gains, scenario: Scenario) -> Maker:
+    """Return the maker of the table of a built-in law, with the model of the scenario."""
+    law, own = known_law(name), scenario.control.model_dump(exclude_none=True)
     assert law is not None
     rates, numbers = gains
-    own_settings = {key: own[key] for key in ("model",) if key in own and law.declaration.has_model}
-    if law.declaration.sampled:
-        usual, own_law = _usual_period(law), known_law(own["law"])
-        period = own.get("period_s", usual)
-        is_given = own_law is None or period != _usual_period(own_law)
-        own_settings["period_s"] = period if is_given else usual
+    has_model = law.declaration.has_model and "model" in own
+    model = {"model": own["model"]} if has_model else {}
 
     def table(scale: Scale) -> dict[str, Any]:
         units = {"k4": scale.moment / scale.time, "attitude_weight_N_m": scale.torque}
@@ -215,14 +223,9 @@ def _maker(name: str, gains: Gains, own: Mapping[str, Any]) -> Maker:
             key: float(f"{value * units.get(key, 1 / scale.time):.4g}")
             for key, value in rates.items()
         }
-        return {"law": name, **numbers, **own_settings, **scaled_gains}
+        return {"law": name, **numbers, **model, **_period(scenario, law, scale), **scaled_gains}
 
     return table
-
-
-def _usual_period(law: Any) -> float:
-    defaults = [key.default for key in law.declaration.keys if key.name == "period_s"]
-    return PERIOD if defaults in ([], [...]) else defaults[0]
 
 
 def _scenario_or_reason(

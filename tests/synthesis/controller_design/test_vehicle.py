@@ -10,6 +10,7 @@ from jaxsat.control.oscillatory import Slow
 from jaxsat.core.allocation import torque_directions
 from jaxsat.core.inertia import normal_axes
 from jaxsat.scenario.build.run import build_loop
+from jaxsat.scenario.control import known_law
 from jaxsat.scenario.derived import believed_axes
 from jaxsat.scenario.holding import missing_torque
 from jaxsat.scenario.quantities import inertia_matrix
@@ -24,11 +25,12 @@ from jaxsat.synthesis.controller_design.candidates import (
     written_out,
 )
 from jaxsat.synthesis.controller_design.completion import completed
+from jaxsat.synthesis.controller_design.control_period import control_period
 from jaxsat.synthesis.controller_design.explanation import stronger
 from jaxsat.synthesis.controller_design.request import ALL, QUICK, DesignSettings, read_vehicle
 from jaxsat.synthesis.controller_design.result import ControllerDesign
 from jaxsat.synthesis.controller_design.tuning import tuning_table
-from jaxsat.synthesis.controller_design.vehicle import scale_of, turned, vehicle_verdict
+from jaxsat.synthesis.controller_design.vehicle import Scale, scale_of, turned, vehicle_verdict
 
 BARE = """
 [spacecraft]
@@ -367,3 +369,25 @@ def test_a_vehicle_with_gyros_is_refused_by_name(tmp_path):
     (tmp_path / "gyros.toml").write_text(f"{RODS}\n{gimbal}rate_limit_rad_s = 1.0\n")
     with pytest.raises(ValueError, match="gimbal"):
         vehicle_verdict(read_vehicle(tmp_path / "gyros.toml").scenario)
+
+
+@pytest.mark.parametrize(
+    ("text", "period"),
+    [
+        ("", 0.7),  # 0.0054 of the 138 s in which 0.1 N m turns the body by half a radian
+        ("[control]\nlaw = 'oscillatory'\n", 0.7),
+        ("[control]\nlaw = 'oscillatory'\nperiod_s = 0.1\n", 0.1),
+        ("[sampling]\nrate_noise_rad_s = 1e-5\n", 0.1),
+        ("[disturbance]\namplitude_N_m = [1e-3, 0, 0]\nfrequency_rad_s = [0.39, 0, 0]\n", 0.2),
+    ],
+    ids=["bare", "named", "given", "sensors", "quick torque"],
+)
+def test_a_slow_body_gets_a_long_period(tmp_path, text, period):
+    path = tmp_path / "slow.toml"
+    body = "[spacecraft]\ninertia_kg_m2 = [2000, 1800, 1200]\ntorque_limit_N_m = 0.1\n"
+    path.write_text(body + "thruster_torque_axes = [[1, 0, 0], [0, 1, 0]]\n" + text)
+    scenario, scale = read_vehicle(path).scenario, Scale((2000.0, 1800.0), 0.1)
+    assert control_period(scenario, known_law("magnetic"), scale) == 1.0
+    verdict = vehicle_verdict(scenario)
+    (candidate,) = fitting_candidates(scenario, verdict, "oscillatory", lambda one, _: one)[0]
+    assert candidate.scenario.control.model_dump()["period_s"] == period
