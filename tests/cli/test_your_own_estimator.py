@@ -119,9 +119,9 @@ def test_both_engines_of_studies_run_it_and_a_store_knows_it_from_another(own, t
         for engine in ("native", "scan")
     }
     np.testing.assert_allclose(found["native"].omega, found["scan"].omega, atol=1e-9)
-    study = build_study(scenario, 3, engine="scan", batch_size=4)
+    study = build_study(scenario, 3, engine="native")
     mekf = load(own, [*changes, 'estimator={kind="mekf"}'])
-    other = build_study(mekf, 3, engine="scan", batch_size=4)
+    other = build_study(mekf, 3, engine="native")
     assert other.program_identity()["operations"] != study.program_identity()["operations"]
     signals = study.replay(1).signals
     late = np.abs(signals.parts["attitude_estimate_error"][100:]).max()

@@ -218,23 +218,9 @@ def columns(made, target, executor=None):
 
 
 @pytest.mark.slow
-def test_every_engine_gives_the_same(own, tmp_path):
-    scenario = load(own, ["simulation.solver.name=tsit5"], purpose="study")  # of few stages
-    results = {
-        name: columns(study(scenario, name), tmp_path / f"{name}.zarr")
-        for name in ("native", "scan", "diffrax")
-    }
-    for name in ("native", "diffrax"):
-        for column, tolerance in (("cost", 1e-5), ("effort", 1e-3)):
-            np.testing.assert_allclose(
-                results[name][column], results["scan"][column], rtol=tolerance, err_msg=column
-            )
-
-
-@pytest.mark.slow
 def test_worker_processes_find_the_module(own, tmp_path):
-    scenario = load(own, ["simulation.solver.name=tsit5"], purpose="study")  # of few stages
-    made = study(scenario, "scan")
+    """Every engine: tests/cli/test_plugin_package.py."""
+    made = study(load(own, purpose="study"), "native")
     here = columns(made, tmp_path / "here.zarr")
     there = columns(made, tmp_path / "there.zarr", Processes(2))
     np.testing.assert_array_equal(here["cost"], there["cost"])

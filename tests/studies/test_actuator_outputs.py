@@ -38,7 +38,7 @@ MORE = {
 
 def study(*overrides, **options):
     scenario = load("pulsed-two-torque", [*PULSES, *overrides])
-    return build_study(scenario, 3, engine="scan", batch_size=4, **options)
+    return build_study(scenario, 3, engine="native", **options)
 
 
 class Nobody(AbstractExecutor):
