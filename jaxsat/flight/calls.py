@@ -1,7 +1,7 @@
-"""Test calls: a row is one call of an entry point, with parameters of its own.
+"""Test calls: each row is one call of an entry point with its own parameters.
 
-A row has the number of the entry point, parameters, the first attitude if there is an estimator,
-input and state; what must come out is outputs (zero where the entry point has none), then state.
+A row has the index of the entry point, parameters, the first attitude if there is an estimator,
+input and state; expected are outputs (zero where the entry point has none), then state.
 """
 
 from collections.abc import Sequence
@@ -17,17 +17,17 @@ from jaxsat.flight.program import FlightProgram
 from jaxsat.flight.vectors import EXTREMES, Reference
 
 STEP, INIT, COAST = 0, 1, 2
-"""Numbers of the entry points."""
+"""Indices of the entry points."""
 
 TABLES = 64
-"""Tables of parameters that are drawn."""
+"""Number of drawn tables of parameters."""
 
 BEGUN = 128
 """Calls of `controller_init`, and of `controller_coast`, with the scenario's parameters."""
 
 
 def call_sizes(program: FlightProgram) -> dict[str, int]:
-    """The parts of a row in order, and how many numbers each has."""
+    """Return the parts of a row in order, with their numbers of elements."""
     structs = program.structs
     return {
         "kind": 1,
@@ -44,7 +44,7 @@ def drawn_calls(
     samples: Float[np.ndarray, "n given"],
     seed: int = 0,
 ) -> Float[np.ndarray, "calls numbers"]:
-    """Calls of every entry point, at inputs and states (rows) of samples.
+    """Draw calls of every entry point, at inputs and states (rows) of samples.
 
     Parameters are the scenario's, drawn over their ranges, and at their bounds.
     """
@@ -70,7 +70,7 @@ def drawn_calls(
 def expected_of_calls(
     reference: Reference, rows: Float[np.ndarray, "calls numbers"]
 ) -> Float[np.ndarray, "calls expected"]:
-    """What must come out of these calls: rows of outputs, then of the next state."""
+    """Return the expected results of these calls: rows of outputs, then of the next state."""
     program = reference.program
     sizes = call_sizes(program)
     kinds, tables, attitudes, inputs, states = np.split(
@@ -101,8 +101,8 @@ def _row(arrays: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _over_range(rng: np.random.Generator, one: Parameter) -> np.ndarray:
-    """The parameter over its declared range; without one, from half its default to the double, and
-    a whole number over `whole_range`."""
+    """Draw a parameter over its declared range; without one, from half its default to the double,
+    and a whole number over `whole_range`."""
     value, shape = np.asarray(one.default, float), one.field.shape
     if one.field.dtype.kind == "i":
         least, most = whole_range(one)
@@ -121,15 +121,15 @@ def _over_range(rng: np.random.Generator, one: Parameter) -> np.ndarray:
 
 
 def whole_range(one: Parameter) -> tuple[int, int]:
-    """From one less than the least number of a parameter of whole numbers to one more than the
-    largest: they are numbers of choices, and one is none."""
+    """Return the range of a parameter of whole numbers, one wider at both ends: these are indices
+    of choices, and one is none."""
     limits = np.iinfo(one.field.dtype)
     least, most = int(np.min(one.default)), int(np.max(one.default))
     return max(least - 1, int(limits.min)), min(most + 1, int(limits.max))
 
 
 def _at_bounds(rng: np.random.Generator, one: Parameter) -> np.ndarray:
-    """The parameter at a declared bound or its default."""
+    """Draw each element of a parameter as a declared bound or its default."""
     value = np.asarray(one.default, float)
     if one.bounds is None or one.key is None:
         return value
@@ -138,7 +138,7 @@ def _at_bounds(rng: np.random.Generator, one: Parameter) -> np.ndarray:
 
 
 def _parameters(program: FlightProgram, row: np.ndarray) -> list[np.ndarray]:
-    """The arrays of the program with the numbers of a row in the place of those it has."""
+    """Return the program's arrays with the numbers of a row in place of its own."""
     arrays = [np.asarray(array) for array in program.parameters]
     place = 0
     for field in program.structs["parameters"].fields:
@@ -156,7 +156,7 @@ def _trees(program: FlightProgram, inputs: np.ndarray, states: np.ndarray) -> tu
 
 
 def unpacked(rows: np.ndarray, like: PyTree) -> PyTree:
-    """Rows as a tree of arrays with a leading axis."""
+    """Return rows as a tree of arrays with a leading axis."""
     leaves, structure = jax.tree.flatten(like)
     arrays, place = [], 0
     for leaf in leaves:

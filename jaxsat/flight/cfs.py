@@ -1,4 +1,4 @@
-"""A wrapper of a controller: an app for NASA's Core Flight System (cFS)."""
+"""Wrapper of a controller: an app for NASA's Core Flight System (cFS)."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ from jaxsat.flight.source import default_parameters
 from jaxsat.flight.templates import template
 
 CFS = "wrappers/cfs/controller_app"
-"""The folder of the app in an export."""
+"""Folder of the app in an export."""
 
 FILES = (
     "CMakeLists.txt",
@@ -35,7 +35,7 @@ PLACES = {"input": "Input->", "valid": "Valid->", "output": "Output."}
 def cfs_app(
     program: FlightProgram, rows: Sequence[Row], intro: Sequence[str], hold_samples: int
 ) -> dict[str, str]:
-    """The files of the app by their names, which begin with `CFS`.
+    """Return the files of the app by their names, which begin with `CFS`.
 
     `rows` are those of the interface control document, `hold_samples` the guard's default.
     """
@@ -73,7 +73,7 @@ def cfs_app(
 
 
 def table_bytes(program: FlightProgram) -> int:
-    """The size of the parameter table in bytes, where each number is aligned to its own size."""
+    """Return the size of the parameter table (bytes) with each number aligned to its own size."""
     fields = program.structs["parameters"].fields
     parameters = [(field.name, field.dtype, field.shape) for field in fields]
     real = np.float32 if program.single else np.float64
@@ -84,7 +84,7 @@ def table_bytes(program: FlightProgram) -> int:
 
 
 def table_cautions(program: FlightProgram) -> tuple[str, ...]:
-    """What the mission must set for a parameter table that is larger than cFE's default."""
+    """Return the required setting of a mission whose parameter table exceeds cFE's default."""
     size = table_bytes(program)
     if size <= TABLE_LIMIT:
         return ()
@@ -95,7 +95,7 @@ def table_cautions(program: FlightProgram) -> tuple[str, ...]:
 
 
 def _members(items: Sequence[Item]) -> str:
-    """Members of a structure that has no padding; truth values are bytes."""
+    """Return the members of a structure without padding; truth values are bytes."""
     lines = []
     for item in items:
         kind = "uint8_t" if item.type == "bool" else item.type
@@ -107,7 +107,7 @@ def _members(items: Sequence[Item]) -> str:
 
 
 def _copy(to: str, source: str, item: Item) -> str:
-    """A statement that copies an item; a byte of a message is read as a truth value."""
+    """Return a statement that copies an item; a byte of a message is read as a truth value."""
     if item.shape:
         return f"  (void)memcpy({to}, {source}, sizeof({to}));"
     truth = " != 0u" if item.type == "bool" else ""

@@ -1,7 +1,7 @@
 """Software in the loop: a loop whose law and estimator are the compiled C of an export.
 
-Compiled loops call it once a period for all cases of a batch. Allocation, modulation and all that
-is simulated stay as they are; parameters and memories are those of the case.
+Compiled loops call it once a period for all cases of a batch. Allocation, modulation and the
+simulated plant stay as they are; parameters and memories are those of the case.
 """
 
 import ctypes
@@ -37,11 +37,10 @@ SHA256_DIGITS = 64
 class Library:
     """The compiled stages of a controller, for rows of numbers; each row is a case.
 
-    `identity` is what a store keeps of it: the ABI version, the precision, and SHA-256 digests of
-    the C text, of the compiled parameters and of the binary. Any parameters and any plant can be
-    flown with it: every call passes the parameters of its cases. Raises `LibraryError` for a file
-    that is no library of this ABI version, or the library of another controller, and for a loop
-    that has no flight code.
+    A store keeps `identity`: the ABI version, the precision, and SHA-256 digests of the C text, of
+    the compiled parameters and of the binary. The library flies any parameters and any plant: every
+    call passes the parameters of its cases. Raises `LibraryError` for a file that is no library of
+    this ABI version, or that of another controller, and for a loop without flight code.
     """
 
     def __init__(self, path: Path, loop: AbstractLoop, start: PlantState):
@@ -99,7 +98,7 @@ class Library:
         }
 
     def run(self, stage: str, rows: list[Any], out: Struct) -> tuple[np.ndarray, np.ndarray]:
-        """Outputs and next states of a stage for rows of parameters, inputs and states."""
+        """Return outputs and next states of a stage for rows of parameters, inputs and states."""
         arguments = np.ascontiguousarray(np.concatenate(rows, axis=1), np.float64)
         count, sizes = len(arguments), (out.size, self.program.structs["state"].size)
         outcomes = np.zeros((count, sum(sizes)))
@@ -112,7 +111,7 @@ class Library:
 
 @once
 def _loaded(path: Path) -> tuple[ctypes.CDLL, str]:
-    """A library and the digest of its file, which a process loads once."""
+    """Load a library once per process; return it with the digest of its file."""
     return ctypes.CDLL(str(path)), _sha256(path.read_bytes())
 
 
@@ -121,7 +120,7 @@ def _sha256(content: bytes) -> str:
 
 
 def with_library(loop: SampledLoop, library: Library) -> SampledLoop:
-    """The loop with the library in the place of its law and, if it has one, its estimator."""
+    """Return the loop with the library in place of its law and any estimator."""
     law = ExternalLaw(law=loop.controller, period=loop.controller.period, library=library)
     loop = eqx.tree_at(lambda x: x.controller, loop, law)
     if loop.navigation is None:
@@ -131,18 +130,18 @@ def with_library(loop: SampledLoop, library: Library) -> SampledLoop:
 
 
 class ExternalLaw(AbstractSampledController):
-    """A law whose step is that of the library; what is asked of its memory the law itself tells."""
+    """A law with the library's step; other queries of its memory go to the law itself."""
 
     law: AbstractSampledController
     period: RealScalar
     library: Library = eqx.field(static=True)
 
     def init(self, state: PlantState) -> PyTree:
-        """The memory before the first sample, which the law itself makes."""
+        """Return the memory before the first sample, by the law itself."""
         return self.law.init(state)
 
     def step(self, t: Array, state: PlantState, memory: PyTree) -> tuple[Array, PyTree]:
-        """The library's torque (N m) and memory."""
+        """Return the library's torque (N m) and memory."""
         arrays = eqx.filter(self.law, is_parameter)
         sample = jnp.asarray(jnp.round(t / self.period), jnp.int32)
         command = jax.eval_shape(self.law.step, t, state, memory)[0]
@@ -153,36 +152,36 @@ class ExternalLaw(AbstractSampledController):
         )
 
     def rate_error(self, state: PlantState, memory: PyTree) -> Float[Array, "2"]:
-        """How far the rates are from the law's own reference, rad/s."""
+        """Return the distance of the rates from the law's own reference, rad/s."""
         return self.law.rate_error(state, memory)
 
     def judged(self, memory: PyTree) -> PyTree:
-        """What of the memory must stay finite, which the law itself says."""
+        """Return the part of the memory that must stay finite."""
         return self.law.judged(memory)
 
     def telemetry(self, memory: PyTree) -> Mapping[str, Array]:
-        """What the law itself tells of the memory, by the names of signals."""
+        """Return the law's own telemetry, by signal."""
         return self.law.telemetry(memory)
 
     def mode(self, memory: PyTree) -> IntScalar:
-        """Which part of the law is at work, by the memory."""
+        """Return the active part of the law."""
         return self.law.mode(memory)
 
 
 class ExternalEstimator(AbstractEstimator):
-    """An estimator whose step is that of the library; it tells attitude and rate alone."""
+    """An estimator with the library's step; it estimates attitude and rate alone."""
 
     estimator: AbstractEstimator
     library: Library = eqx.field(static=True)
 
     def init(self, attitude: Quaternion, sigma: Array) -> PyTree:
-        """The memory before the first sample, which the estimator itself makes."""
+        """Return the memory before the first sample, by the estimator itself."""
         return self.estimator.init(attitude, sigma)
 
     def step(
         self, sample: Array, period: Array, measurement: Measurement, memory: PyTree
     ) -> tuple[Estimate, PyTree]:
-        """The library's estimate and memory."""
+        """Return the library's estimate and memory."""
         arrays = eqx.filter(self.estimator, is_parameter)
         momentum = self.library.program.now.measured.wheel_momentum
         if momentum is not None:  # which passes the estimator by, and `ExternalLaw` is told
@@ -198,13 +197,13 @@ class ExternalEstimator(AbstractEstimator):
 
 
 class _Call:
-    """One stage for arrays of cases, as compiled loops call it back."""
+    """Callback of one stage for arrays of cases, for compiled loops."""
 
     def __init__(self, library: Library, stage: str):
         self.library, self.stage = library, stage
 
     def __call__(self, arrays: PyTree, sample: Any, inputs: PyTree, memory: PyTree) -> PyTree:
-        """The stage's results for all cases; rows are zero in what the stage has no part in."""
+        """Return the stage's results for all cases; unused numbers of rows are zero."""
         program, controls = self.library.program, self.stage == "control"
         part = "law" if controls else "estimator"
         sample = np.asarray(sample)
@@ -233,7 +232,7 @@ class _Call:
         return outputs, _unpack(after[:, place], memory, sample.shape)
 
     def _parameters(self, part: str, arrays: PyTree, count: int) -> np.ndarray:
-        """The case's own arrays, and those of the scenario for what it does not have."""
+        """Return the case's own arrays, and the scenario's for all others."""
         program = self.library.program
         own = {
             program.order[place]: leaf
@@ -255,7 +254,7 @@ def _rows(tree: PyTree, count: int) -> np.ndarray:
 
 
 def _places(program: FlightProgram, part: str) -> np.ndarray:
-    """Which numbers of a state belong to a part of it."""
+    """Return the indices of a part's numbers in a state."""
     places, place = [], 0
     for field in program.structs["state"].fields:
         if field.path == part or field.path.startswith((f"{part}.", f"{part}[")):
@@ -265,7 +264,7 @@ def _places(program: FlightProgram, part: str) -> np.ndarray:
 
 
 def _unpack(rows: np.ndarray, like: PyTree, shape: tuple[int, ...]) -> PyTree:
-    """Rows as a tree whose leaves have these leading axes already."""
+    """Return rows as a tree whose leaves have these leading axes already."""
     leaves, structure = jax.tree.flatten(like)
     arrays, place = [], 0
     for leaf in leaves:

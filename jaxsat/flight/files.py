@@ -1,4 +1,4 @@
-"""All files of an export by their names: sources, tests, build files, provenance."""
+"""All files of an export by name: sources, tests, build files, provenance."""
 
 import hashlib
 import json
@@ -42,11 +42,11 @@ from jaxsat.spacecraft.dynamics import PlantState
 
 @dataclass(frozen=True)
 class Request:
-    """What is to be exported: a loop, a start and the time (s) that test runs take.
+    """Input of an export: a loop, a start and the duration (s) of test runs.
 
     `title`, `scenario` (TOML) and `provenance` (versions, platform, time) go into the files. `keys`
     are those that the law declares: they bound its parameters. `hold_samples` is the default of the
-    guard: calls in a row without a step for which commands are held.
+    guard: consecutive calls without a step for which commands are held.
     """
 
     loop: AbstractLoop
@@ -63,7 +63,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Export:
-    """The files, and what is known of them; `cautions` tell what a user must know of them."""
+    """Files and measurements of an export; `cautions` are sentences for the user."""
 
     program: FlightProgram
     files: Mapping[str, bytes]
@@ -75,10 +75,10 @@ class Export:
 
 
 def export(request: Request) -> Export:
-    """All files of a controller.
+    """Return all files of a controller.
 
-    Raises `CannotExport` for a loop that has no flight code, and `CannotLower` for an operation
-    that cannot be written, with its line in the source.
+    Raises `CannotExport` for a loop without flight code, and `CannotLower` for an unsupported
+    operation, with its line in the source.
     """
     program = flight_program(request.loop, request.start, single=request.single)
     assert isinstance(request.loop, SampledLoop)  # another one has no flight program
@@ -174,9 +174,9 @@ def _record(request: Request, program: FlightProgram, code: str) -> str:
 
 
 def freertos_task(program: FlightProgram) -> str:
-    """The text of freertos_task.c, an example of a task that runs an exported controller.
+    """Return freertos_task.c, an example of a task that runs an exported controller.
 
-    Its period is that of the law in whole milliseconds.
+    Its period is the law's in whole milliseconds.
     """
     period, real = float(np.asarray(program.period)), real_type(program)
     begin = f"  const {real} attitude[4] = {{0}}; /* begin with the first that is measured */\n"
@@ -190,10 +190,10 @@ def freertos_task(program: FlightProgram) -> str:
 
 
 def prove_source(program: FlightProgram, intro: Sequence[str]) -> str:
-    """prove_controller.c: calls with any numbers, for a proof of no run-time error.
+    """Return prove_controller.c: calls with any numbers, for a proof of no run-time error.
 
-    `make prove` has Frama-C's Eva analyse them. Eva takes variables outside of functions for any
-    values of their types, infinities and numbers that are none included.
+    `make prove` has Frama-C's Eva analyse them. Eva assumes any value of its type for a global
+    variable, infinities and NaN included.
     """
 
     def any_truths(struct: str, variable: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""What of a closed loop flies: estimator, law and actuator commands, as functions of trees."""
+"""Flying parts of a closed loop, estimator, law and actuator commands, as functions of trees."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -37,34 +37,34 @@ UNITS = {
 
 
 class CannotExport(JaxsatError):
-    """A closed loop has a part of which no flight code can be made; the message says which."""
+    """A closed loop has a part without flight code; the message names it."""
 
 
 class Seen(NamedTuple):
-    """What the law is given: attitude relative to the orbit frame, inertial angular velocity in
-    body axes (rad/s), and the momentum of each wheel (N m s) if there are wheels."""
+    """Input of the law: attitude relative to the orbit frame, inertial angular velocity in body
+    axes (rad/s), and the momentum of each wheel (N m s) if there are wheels."""
 
     attitude: AbstractAttitude
     omega: Vector
     wheel_momentum: Float[Array, " wheels"] | None = None
 
     def as_state(self) -> PlantState:
-        """The state of a plant with these numbers, as laws take it."""
+        """Return the state of a plant with these numbers, as laws take it."""
         momentum = self.wheel_momentum
         states = None if momentum is None else (WheelMomenta(momentum),)
         return PlantState(self.attitude, self.omega, states)
 
 
 class Input(NamedTuple):
-    """One sample: its number, from any number on, and what was measured."""
+    """One sample: its number, from any number on, and its measurements."""
 
     sample: IntScalar
     measured: PyTree
 
 
 class State(NamedTuple):
-    """What the controller remembers from one sample to the next; `begin_sample` is the number of
-    the sample at which it began, from which it counts."""
+    """Memory of the controller between samples; `begin_sample` is the number of the sample at which
+    it began, from which it counts."""
 
     law: PyTree
     estimator: PyTree = None
@@ -75,12 +75,11 @@ class State(NamedTuple):
 class SampleCommands(NamedTuple):
     """Commands of one sample.
 
-    `torque` is what the law commands (N m) about the first two body axes, or about each of the
-    three. `thrust` is the torque of each thruster (N m); `wheel_torque` that of each motor on
-    the body (N m); `dipole` that of each magnetorquer (A m²). `valve_on` and `valve_off` are the
-    instants (s from the sample) at which each valve opens and closes, row by row, none where off is
-    not later than on; `level` is the thrust meanwhile in parts of the full one. `mode` is the part
-    of the law that is at work.
+    `torque` is the law's command (N m) about the first two body axes, or about all three. `thrust`
+    is the torque of each thruster (N m); `wheel_torque` that of each motor on the body (N m);
+    `dipole` that of each magnetorquer (A m²). `valve_on` and `valve_off` are the instants (s from
+    the sample) at which each valve opens and closes, row by row, none where off is not later than
+    on; `level` is the thrust meanwhile over the full one. `mode` is the active part of the law.
     """
 
     torque: Float[Array, " torques"]
@@ -94,7 +93,7 @@ class SampleCommands(NamedTuple):
 
 
 class FlightController(eqx.Module):
-    """The parts of a sampled loop that a flight computer runs, one after the other."""
+    """The parts of a sampled loop that a flight computer runs, in order."""
 
     law: AbstractSampledController
     distribution: AbstractDistribution
@@ -104,7 +103,7 @@ class FlightController(eqx.Module):
 
     @staticmethod
     def of(loop: object) -> "FlightController":
-        """The parts of a loop; raises `CannotExport` for one that is not sampled."""
+        """Return the parts of a loop; raises `CannotExport` for one that is not sampled."""
         if not isinstance(loop, SampledLoop):
             raise CannotExport(
                 "control.law: must be a law that runs once a period to become flight code, got one "
@@ -132,7 +131,7 @@ class FlightController(eqx.Module):
         return FlightController(*parts, navigation.estimator, navigation.attitude_sigma)
 
     def estimate(self, now: Input, memory: PyTree) -> tuple[Seen, PyTree]:
-        """What the law is given, and the estimator's memory."""
+        """Return the input of the law, and the estimator's memory."""
         assert self.estimator is not None
         measured = now.measured
         measurement = Measurement(measured.rate, Quaternion(measured.attitude), measured.seen)
@@ -142,7 +141,7 @@ class FlightController(eqx.Module):
     def control(
         self, sample: Array, law_input: Seen, memory: PyTree
     ) -> tuple[Array, Array, PyTree]:
-        """The law's command (N m), its mode and its memory; sample 0 is at time 0."""
+        """Return the law's command (N m), its mode and its memory; sample 0 is at time 0."""
         period = jnp.asarray(self.law.period)
         time = jnp.asarray(sample, period.dtype) * period
         command, memory = self.law.step(time, law_input.as_state(), memory)
@@ -151,7 +150,7 @@ class FlightController(eqx.Module):
     def allocate(
         self, law_input: Seen, command: Array, memory: PyTree
     ) -> tuple[dict[str, Array], PyTree]:
-        """The effectors' commands by the names of `SampleCommands`, and the modulator's memory."""
+        """Return the effectors' commands by `SampleCommands`' names, and the modulator's memory."""
         # What steers effectors alone asks for the time, and is no part of flight code.
         uses = self.distribution(jnp.zeros(()), law_input.as_state(), command, self.effectors).uses
         commands: dict[str, Array] = {}
@@ -161,32 +160,32 @@ class FlightController(eqx.Module):
         return commands, memory
 
     def begin_law(self, law_input: Seen) -> PyTree:
-        """The law's memory before the first sample."""
+        """Return the law's memory before the first sample."""
         return self.law.init(law_input.as_state())
 
     def begin_estimator(self, attitude: Array) -> PyTree:
-        """The estimator's memory before the first sample, for a first estimate (quaternion)."""
+        """Return the estimator's memory before the first sample, for a first quaternion."""
         assert self.estimator is not None
         assert self.attitude_sigma is not None
         return self.estimator.init(Quaternion(attitude), self.attitude_sigma)
 
     def begin_modulation(self) -> PyTree:
-        """The modulator's memory before the first sample."""
+        """Return the modulator's memory before the first sample."""
         return modulator_of(self.effectors, [one.init_memory() for one in self.effectors])
 
 
 def modulator_of(effectors: Sequence[AbstractEffector], memories: Sequence[PyTree]) -> PyTree:
-    """What of the memories of effectors the one modulator has; None without one."""
+    """Return the part of the effectors' memories that is the modulator's; None without one."""
     each = (one.modulator(memory) for one, memory in zip(effectors, memories, strict=True))
     return next((one for one in each if one is not None), None)
 
 
 class Measured(NamedTuple):
-    """The rate measured by the gyro now (rad/s), and the attitude that has just arrived from the
-    star tracker (unit quaternion, scalar first, relative to the orbit frame).
+    """Measurements of one sample.
 
-    `seen` is false where no attitude has arrived. If there are wheels, `wheel_momentum` is the
-    momentum of each as its tachometer measures it (N m s).
+    `rate` is that of the gyro (rad/s), `attitude` the last one from the star tracker (unit
+    quaternion, scalar first, relative to the orbit frame), `seen` whether one has arrived. With
+    wheels, `wheel_momentum` is the momentum of each by its tachometer (N m s).
     """
 
     rate: Vector
@@ -196,9 +195,9 @@ class Measured(NamedTuple):
 
 
 def as_type(tree: PyTree, dtype: Any) -> PyTree:
-    """The tree with all floats of this type; what was one array stays one.
+    """Return the tree with all floats of this type; shared arrays stay shared.
 
-    Whole numbers have 32 bits beside floats of 32 bits, as they have in a trace of these.
+    Whole numbers have 32 bits beside floats of 32 bits, as in a trace of these.
     """
     arrays: dict[int, Any] = {}
     shorter = {np.dtype(np.int64): np.int32, np.dtype(np.uint64): np.uint32}

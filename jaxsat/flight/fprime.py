@@ -1,4 +1,4 @@
-"""A wrapper of a controller: a component of NASA's F´ (F Prime)."""
+"""Wrapper of a controller: a component of NASA's F´ (F Prime)."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ from jaxsat.flight.program import FlightProgram
 from jaxsat.flight.templates import template
 
 FPRIME = "wrappers/fprime/Controller"
-"""The folder of the component in an export."""
+"""Folder of the component in an export."""
 
 FILES = ("CMakeLists.txt", "Controller.cpp", "Controller.fpp", "Controller.hpp")
 
@@ -36,10 +36,10 @@ def fprime_component(
     intro: Sequence[str],
     hold_samples: int,
 ) -> dict[str, str]:
-    """The files of the component by their names, which begin with `FPRIME`.
+    """Return the files of the component by their names, which begin with `FPRIME`.
 
-    `rows` are those of the interface control document, `hold_samples` the guard's default. Those
-    of the parameters that keys of the scenario set are parameters of the component, too.
+    `rows` are those of the interface control document, `hold_samples` the guard's default.
+    Parameters set by keys of the scenario are parameters of the component, too.
     """
     inputs, outputs = measured(rows), commanded(rows)
     real = real_type(program)
@@ -79,7 +79,7 @@ def fprime_component(
 def _tuned(
     rows: Sequence[Row], of_parameters: Sequence[Parameter], hold_samples: int
 ) -> list[tuple[Item, np.ndarray]]:
-    """The parameters of the component with their defaults: finite ones of keys, and limits."""
+    """Return the component's parameters and defaults: finite ones of keys, and limits."""
     row_of = {row.name: row for row in rows if row.structure == "controller_parameters"}
     tuned = []
     for one in of_parameters:
@@ -119,18 +119,15 @@ def _members(items: Sequence[Item]) -> str:
 
 
 def _initialiser(default: np.ndarray) -> str:
-    """A value of the modelling language."""
     numbers = [str(x).lower() for x in default.ravel()]
     return f"[{', '.join(numbers)}]" if default.ndim else numbers[0]
 
 
 def _argument(item: Item) -> str:
-    """A parameter of a handler."""
     return f"const {_type(item)}& {item.name}" if item.shape else f"{_type(item)} {item.name}"
 
 
 def _passed(item: Item) -> str:
-    """What a port is called with."""
     if item.place == ("", "sample"):
         return "this->m_input.sample"
     place = item.place_in(PLACES)
@@ -144,7 +141,7 @@ def _take(item: Item, value: str) -> str:
 
 
 def _read(item: Item) -> str:
-    """Statements that read a parameter, if it is set."""
+    """Return statements that read a parameter, if it is set."""
     return "\n".join(
         [
             f"    const {_type(item)} {item.name} = this->paramGet_{item.name}(valid);",

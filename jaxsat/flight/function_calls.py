@@ -1,5 +1,5 @@
-"""test_functions.c: calls of the elementary functions of controller.c with arguments that no law
-has, such as infinite ones. What must come out is what NumPy makes of their programs."""
+"""test_functions.c: calls of elementary functions with unusual arguments, such as infinity, and
+NumPy's results of their programs."""
 
 from collections.abc import Sequence
 from itertools import product
@@ -15,12 +15,12 @@ from jaxsat.flight.program import FlightProgram
 from jaxsat.flight.templates import template
 
 SIZES = (0.0, 5e-324, 1e-310, 1e-220, 1e-12, 0.3, 0.5, 1.0, 2.5, 1e7, 1e22, 1e38, 1.7e308, np.inf)
-"""Arguments, with both signs, and what is not a number. Numbers that single precision does not have
-are zero or infinite there."""
+"""Sizes of arguments, which have both signs, besides NaN. Numbers outside single precision are zero
+or infinite there."""
 
 
 def function_calls(program: FlightProgram, intro: Sequence[str]) -> str:
-    """The text of test_functions.c; controller.c must have been printed before."""
+    """Return test_functions.c; controller.c must have been printed before."""
     real = real_type(program)
     tables, calls = [], []
     for name, function in program.functions.items():
@@ -60,7 +60,7 @@ def _arguments(function: ir.Function) -> list[tuple[np.generic, ...]]:
 
 
 def _rows(function: ir.Function) -> list[list[np.generic]]:
-    """Arguments and results, at once where the program has no branch that all would take."""
+    """Return arguments and results, all at once for a program without branches."""
     args = _arguments(function)
     is_straight = all(isinstance(step, ir.Operation) for step in function.block.steps)
     rows = []

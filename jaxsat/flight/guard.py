@@ -1,8 +1,8 @@
-"""controller_guard.h: what keeps a controller from invalid measurements.
+"""controller_guard.h: protection of a controller from invalid measurements.
 
 The guard is the same for every law. It judges the measurements of a sample, and calls the
-controller only with valid ones. All fields that it knows are those of the program's structures.
-What it does without a step, `jaxsat.control.guard.Guard` does in the simulation.
+controller only with valid ones. All its fields are those of the program's structures. Its actions
+without a step are those of `jaxsat.control.guard.Guard` in simulation.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ RATE_LIMIT = 100.0
 """Default of the largest valid rate about an axis, rad/s."""
 
 NORM_TOLERANCE = 1e-3
-"""Default of how far the square of a unit quaternion's norm may be from 1."""
+"""Default tolerance on the square of a unit quaternion's norm."""
 
 EVENTS = {
     "SKIPPED": "sample numbers are missing before this one",
@@ -26,26 +26,26 @@ EVENTS = {
     "HELD": "the controller made no step: the commands are those of the last step",
     "ZERO": "the controller made no step: the commands are zero",
 }
-"""Bits of a status above those of the measurements, and what they mean."""
+"""Bits of a status above those of the measurements, and their meanings."""
 
 FIRST_EVENT = 8
 
 
 @dataclass(frozen=True)
 class Group:
-    """The fields of one measurement, which are valid or invalid together."""
+    """Fields of one measurement, which are valid or invalid together."""
 
     name: str
     fields: tuple[Field, ...]
 
     @property
     def bit(self) -> str:
-        """The name of the status bit."""
+        """Name of the status bit."""
         return f"CONTROLLER_STATUS_INVALID_{self.name.upper()}"
 
 
 def groups(program: FlightProgram) -> list[Group]:
-    """All measurements of an input. `seen` is none: it tells whether an attitude has arrived."""
+    """Return the measurements of an input, without `seen`, which marks a new attitude."""
     fields_of_name: dict[str, list[Field]] = {}
     for field in program.structs["input"].fields:
         name = field.path.split(".")[0]
@@ -65,7 +65,7 @@ def is_rate(field: Field) -> bool:
 
 
 def status_bits(program: FlightProgram) -> dict[str, tuple[int, str]]:
-    """Names of status bits, with their numbers and meanings."""
+    """Return the names of status bits, with their numbers and meanings."""
     bits = {
         group.bit: (1 << place, f"{group.name} was flagged or found invalid")
         for place, group in enumerate(groups(program))
@@ -75,7 +75,7 @@ def status_bits(program: FlightProgram) -> dict[str, tuple[int, str]]:
 
 
 def guard_header(program: FlightProgram, intro: Sequence[str]) -> str:
-    """The text of controller_guard.h."""
+    """Return the text of controller_guard.h."""
     real, bits = real_type(program), status_bits(program).items()
     defines = [[*comment(words), f"#define {name} ({bit}u)"] for name, (bit, words) in bits]
     seen = (
@@ -101,18 +101,18 @@ def guard_header(program: FlightProgram, intro: Sequence[str]) -> str:
 
 
 def real_type(program: FlightProgram) -> str:
-    """The C type of floats."""
+    """Return the C type of floats."""
     return "float" if program.single else "double"
 
 
 def init_head(program: FlightProgram) -> str:
-    """The head of the function that begins."""
+    """Return the signature of the guard's initialisation."""
     attitude = f"const {real_type(program)} attitude[4], " if program.estimates else ""
     return f"void controller_guard_init({attitude}controller_guard *guard)"
 
 
 def step_head(end: str) -> list[str]:
-    """The head of the function of a sample, and its end."""
+    """Return the signature of the guard's step, with its `end`."""
     return [
         "uint32_t controller_guard_step(const controller_parameters *p,",
         "                               const controller_guard_parameters *limits,",

@@ -22,7 +22,7 @@ from jaxsat.flight.templates import template
 def guard_source(
     program: FlightProgram, intro: Sequence[str], hold_samples: int = HOLD_SAMPLES
 ) -> str:
-    """The text of controller_guard.c; `hold_samples` is the default of that limit."""
+    """Return the text of controller_guard.c; `hold_samples` is the default of that limit."""
     lines = [*intro, '#include "controller_guard.h"', ""]
     lines += ["#include <math.h>", "#include <string.h>", ""]
     lines += ["const controller_guard_parameters controller_default_guard_parameters = {"]
@@ -38,7 +38,7 @@ def guard_source(
 
 
 def default_limits(program: FlightProgram, hold_samples: int) -> list[str]:
-    """The default limits as lines of an initialiser of `controller_guard_parameters`."""
+    """Return the default limits as lines of an initialiser of `controller_guard_parameters`."""
     suffix = "f" if program.single else ""
     return [
         f"  .hold_samples = {hold_samples},",
@@ -48,7 +48,7 @@ def default_limits(program: FlightProgram, hold_samples: int) -> list[str]:
 
 
 def _over(place: str, shape: tuple[int, ...], statement: Callable[[str], str]) -> list[str]:
-    """A statement for each element of a place of this shape."""
+    """Return a statement for each element of an array of this shape."""
     variables = "ijkm"[: len(shape)]
     lines = [
         f"{'  ' * depth}for (int32_t {variable} = 0; {variable} < {size}; {variable}++) {{"
@@ -65,11 +65,11 @@ def _floats(struct: Struct) -> list[Field]:
 
 
 AT_ONCE = 12
-"""Fields that one function checks: so it has a cyclomatic complexity of 13."""
+"""Number of fields that one function checks, so that its cyclomatic complexity is 13."""
 
 
 def _arrays_usable(fields: Sequence[Field], name: str, real: str, condition: str) -> list[str]:
-    """A function for each shape of array: whether all its numbers fulfil a condition."""
+    """Return a function for each shape of array: whether all its numbers fulfil a condition."""
     lines: list[str] = []
     for shape in dict.fromkeys(field.shape for field in fields if field.shape):
         size = "x".join(map(str, shape))
@@ -82,7 +82,7 @@ def _arrays_usable(fields: Sequence[Field], name: str, real: str, condition: str
 
 
 def _check(program: FlightProgram, name: str, part: str, condition: str) -> list[str]:
-    """A function that returns whether all floats of a structure fulfil a condition."""
+    """Return a function that checks whether all floats of a structure fulfil a condition."""
     struct = program.structs[part]
     fields = _floats(struct)
     lines = _arrays_usable(fields, f"{name}_array", real_type(program), condition)
@@ -129,7 +129,7 @@ def _unit_quaternion(program: FlightProgram) -> list[str]:
 
 
 def _judge(program: FlightProgram, group: Group) -> list[str]:
-    """The function that returns whether a measurement is valid in itself."""
+    """Return the function that checks whether a measurement is valid in itself."""
     suffix = "f" if program.single else ""
     lines = [
         f"static bool is_valid_{group.name}(const controller_input *x,",
@@ -163,7 +163,7 @@ def _begin(program: FlightProgram) -> list[str]:
 
 
 def _step(program: FlightProgram) -> str:
-    """The step behind the guard, after the functions that it is made of."""
+    """Return the guarded step, after its helper functions."""
     estimates = program.estimates
     is_vital = {group: not (estimates and group.name == "attitude") for group in groups(program)}
     judgements = [

@@ -1,5 +1,4 @@
-"""What stands around the controller: records of numbers, the test program, and
-controller_library.c, its stages for many cases at once, for software in the loop."""
+"""Code around the controller: records, test program, and controller_library.c for many cases."""
 
 import re
 from collections.abc import Sequence
@@ -17,21 +16,21 @@ from jaxsat.flight.templates import template
 from jaxsat.flight.vectors import Vectors
 
 MAGIC, MAGIC_OF_CALLS = 0x4A585356, 0x4A585343
-"""The first number of a file of vectors, and of one of calls."""
+"""First numbers of a file of vectors, and of one of calls."""
 
 ABI = 2
-"""The version of the functions of controller_library.c and of the rows that they take."""
+"""Version of the functions of controller_library.c and of their rows."""
 
 
 def vectors_file(vectors: Vectors, magic: int = MAGIC) -> bytes:
-    """Little-endian doubles: counts (magic, rows, numbers given, numbers expected), then rows."""
+    """Return little-endian doubles: counts (magic, rows, given, expected numbers), then rows."""
     counts = [magic, len(vectors.given), vectors.given.shape[1], vectors.expected.shape[1]]
     head = np.array(counts, "<f8").tobytes()
     return head + np.concatenate([vectors.given, vectors.expected], axis=1).astype("<f8").tobytes()
 
 
 def records_header(program: FlightProgram, intro: Sequence[str]) -> str:
-    """controller_records.h: structures as rows of doubles, for tests and software in the loop."""
+    """Return controller_records.h: structures as rows of doubles, for tests and the library."""
     sizes = {name: program.structs[name].size for name in ("input", "state", "output")}
     lines = [*intro, "#ifndef CONTROLLER_RECORDS_H", "#define CONTROLLER_RECORDS_H", ""]
     lines += ['#include "controller.h"', ""]
@@ -45,7 +44,7 @@ def records_header(program: FlightProgram, intro: Sequence[str]) -> str:
 
 
 def reader(struct: Struct) -> list[str]:
-    """The function that makes a structure of a row of doubles."""
+    """Return the function that converts a row of doubles to a structure."""
     head = f"static inline void read_{struct.name}(const double *row, {struct.name} *x)"
     lines = [head, "{"]
     place = 0
@@ -60,7 +59,7 @@ def reader(struct: Struct) -> list[str]:
 
 
 def writer(struct: Struct) -> list[str]:
-    """The function that makes a row of doubles of a structure."""
+    """Return the function that converts a structure to a row of doubles."""
     head = f"static inline void write_{struct.name}(const {struct.name} *x, double *row)"
     lines = [head, "{"]
     place = 0
@@ -94,7 +93,7 @@ def _each(field: Field, statement: str, place: int) -> list[str]:
 
 
 def test_program(program: FlightProgram, intro: Sequence[str]) -> str:
-    """The text of test_controller.c."""
+    """Return the text of test_controller.c."""
     real, word, least = (
         ("float", "int32_t", "INT32_MIN") if program.single else ("double", "int64_t", "INT64_MIN")
     )
@@ -110,12 +109,12 @@ def test_program(program: FlightProgram, intro: Sequence[str]) -> str:
 
 
 def library_source(program: FlightProgram, intro: Sequence[str]) -> str:
-    """The text of controller_library.c, which includes controller.c for its static stages.
+    """Return controller_library.c, which includes controller.c for its static stages.
 
-    A row of parameters, inputs and state goes in for each case; the next state and the law's torque
-    and mode (`control`), or what the law is given (`estimate`), come out. `controller_identity`
-    returns ABI, program, precision and the SHA-256 of controller.h and controller.c, which the
-    build files compute; `controller_defaults` writes the compiled parameters as a row.
+    Input is a row of parameters, inputs and state for each case; output the next state, and the
+    law's torque and mode (`control`) or the law's input (`estimate`). `controller_identity` returns
+    ABI, program, precision and the SHA-256 of controller.h and controller.c, which the build files
+    compute; `controller_defaults` writes the compiled parameters as a row.
     """
     rows = ("parameters", *("seen",) * program.estimates)
     records = [one(program.structs[name]) for name in rows for one in (reader, writer)]
@@ -132,7 +131,7 @@ def library_source(program: FlightProgram, intro: Sequence[str]) -> str:
 
 
 def _batch(program: FlightProgram, stage: str) -> str:
-    """The functions of a stage for many cases; the law reads what the estimator has seen."""
+    """Return the functions of a stage for many cases; the law reads the estimator's output."""
     variables = {"parameters": "parameters", "input": "input", "seen": "told", "state": "before"}
     estimates = stage == "estimate"
     if estimates or not program.estimates:
@@ -175,7 +174,7 @@ def _call(program: FlightProgram, stage: str) -> str:
 
 
 def calls_header(program: FlightProgram, intro: Sequence[str]) -> str:
-    """controller_calls.h: a call of an entry point by a row of doubles, for tests."""
+    """Return controller_calls.h: a call of an entry point by a row of doubles, for tests."""
     sizes, real = call_sizes(program), real_type(program)
     ends = accumulate(sizes.values())
     places = {name: end - size for end, (name, size) in zip(ends, sizes.items(), strict=True)}

@@ -28,11 +28,11 @@ from jaxsat.flight.program import FlightProgram, is_parameter
 
 @dataclass(frozen=True)
 class Parameter:
-    """A field of `controller_parameters` with its default and the bounds of its elements, both
-    inclusive; `key` is the declared key of `[control]` whose number it is, if there is one.
+    """A field of `controller_parameters` with its default and inclusive bounds of its elements.
 
-    A float without declared bounds must be finite. Bounds contain the default, also where it is
-    infinite; `bounds` is None for what is no float, or where a default is not a number.
+    `key` is the declared key of `[control]` whose number it is, or None. A float without declared
+    bounds must be finite. Bounds contain the default, also where it is infinite; `bounds` is None
+    for other types, or where a default is NaN.
     """
 
     field: Field
@@ -41,7 +41,7 @@ class Parameter:
 
     @property
     def bounds(self) -> tuple[np.floating, np.floating] | None:
-        """The least and the largest value, in the type of the field."""
+        """Least and largest value, in the type of the field."""
         if self.field.dtype.kind != "f" or np.isnan(self.default).any():
             return None
         kind = self.field.dtype.type
@@ -57,7 +57,7 @@ class Parameter:
 
     @property
     def range(self) -> str:
-        """The bounds in words."""
+        """Text of the bounds."""
         if self.bounds is None:
             return "false, true" if self.field.dtype.kind == "b" else "any"
         least, most = self.bounds
@@ -69,7 +69,7 @@ class Parameter:
 
 
 def parameters(program: FlightProgram, loop: object, keys: Sequence[Key]) -> list[Parameter]:
-    """All parameters of a program in the order of the structure; `keys` are those of its law."""
+    """Return all parameters of a program in the structure's order; `keys` are those of its law."""
     arrays = eqx.filter(as_type(FlightController.of(loop), np.float64), is_parameter)
     paths = jax.tree_util.tree_leaves_with_path(arrays)
     number_of = {
@@ -84,7 +84,7 @@ def parameters(program: FlightProgram, loop: object, keys: Sequence[Key]) -> lis
 
 
 class Row(NamedTuple):
-    """What the document tells of one field: `bytes` without padding, `rate` in calls."""
+    """Row of the document for one field: `bytes` without padding, `rate` in calls."""
 
     structure: str
     name: str
@@ -101,7 +101,7 @@ class Row(NamedTuple):
 def rows(
     program: FlightProgram, of_parameters: Sequence[Parameter], hold_samples: int = HOLD_SAMPLES
 ) -> list[Row]:
-    """All rows, structure by structure in the order of their fields.
+    """Return all rows, structure by structure in the order of their fields.
 
     `hold_samples` is the default of that parameter of the guard.
     """
@@ -155,7 +155,7 @@ def _unit(field: Field) -> str:
 
 
 def _judged(field: Field) -> tuple[str, str]:
-    """The range of an input, and when it is valid."""
+    """Return the range of an input, and the condition of its validity."""
     if is_quaternion(field):
         return "-1 to 1", f"square of the norm within {NORM_TOLERANCE:g} of 1"
     if is_rate(field):
@@ -187,12 +187,12 @@ def _limits(program: FlightProgram, hold_samples: int) -> Iterator[Row]:
 
 
 def as_csv(table: Sequence[Row]) -> str:
-    """The rows as comma-separated values, with a line of names."""
+    """Return the rows as comma-separated values, with a line of names."""
     return csv_text([Row._fields, *table])
 
 
 def as_markdown(title: str, table: Sequence[Row]) -> str:
-    """The rows as a document with a table for each structure."""
+    """Return the rows as a document with a table for each structure."""
     lines = [f"# {title}: interface control document", ""]
     lines += ["Quaternions have the scalar first. Bytes do not include padding. A parameter whose"]
     lines += ["path begins with `control.` has the unit and the range of that key of the scenario."]

@@ -1,8 +1,8 @@
-"""What a compiler and an emulator tell of an export: stack, code size, instructions of a step.
+"""Measurements of an export by compiler and emulator: stack, code size, instructions of a step.
 
-Emulation takes 2 ms a sample. So this machine's compiler, if there is one, first runs all of them
-and counts the blocks of code that each runs, and the emulator gets those that can matter. What is
-measured is kept in the cache of machine code, under a hash of the files, the tools and this module.
+Emulation takes 2 ms a sample. Therefore this machine's compiler, if there is one, first runs all
+samples and counts the blocks of code of each, and the emulator gets those that can matter. Results
+are kept in the cache of machine code, under a hash of the files, the tools and this module.
 """
 
 import dataclasses
@@ -24,31 +24,31 @@ from jaxsat.flight.templates import template
 
 ARM, QEMU = "arm-none-eabi-gcc", "qemu-system-arm"
 LONGEST = 120.0
-"""Seconds that a compiler or an emulator may take."""
+"""Time limit of a compiler or an emulator, s."""
 
 HOST = "cc"
-"""The compiler of this machine."""
+"""Compiler of this machine."""
 
 DEAREST = 512
-"""Samples that are emulated since they run most blocks of code."""
+"""Number of emulated samples that run most blocks of code."""
 
 PROCESSORS = {
     "Cortex-M4F": (("-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16"), "mps2-an386"),
     "Cortex-M7": (("-mcpu=cortex-m7", "-mfpu=fpv5-d16"), "mps2-an500"),
 }
-"""Options of the compiler for a processor, and the board that is emulated. The floating-point unit
-of the first has single precision only, that of the second double precision too."""
+"""Options of the compiler for a processor, and its emulated board. The floating-point unit of the
+first has single precision only, that of the second double precision too."""
 
 _FLAGS = "-mthumb -mfloat-abi=hard -O2 -std=c99 -ffp-contract=off --specs=rdimon.specs".split()  # noqa: SIM905
 
 
 @dataclass(frozen=True)
 class ProcessorUse:
-    """On a processor: bytes of stack, of code and constants, and instructions of a step at most.
+    """Use of a processor: bytes of stack, of code and constants, and most instructions of a step.
 
     `guarded_stack` and `guarded` are stack and instructions of a step behind the guard.
-    Instructions are those of `samples` which were emulated. None is what could not be measured, for
-    which `why` is the reason.
+    Instructions are those of `samples` emulated samples. None marks what could not be measured, for
+    the reason `why`.
     """
 
     stack: int | None = None
@@ -61,7 +61,7 @@ class ProcessorUse:
 
 
 def measured(files: Mapping[str, bytes]) -> dict[str, ProcessorUse]:
-    """What the tools that are installed tell of these files, for each of `PROCESSORS`."""
+    """Measure these files with the installed tools, for each of `PROCESSORS`."""
     missing = [tool for tool in (ARM, QEMU) if shutil.which(tool) is None]
     if ARM in missing:
         why = f"{' and '.join(missing)} not installed where this was exported"
@@ -86,7 +86,7 @@ def measured(files: Mapping[str, bytes]) -> dict[str, ProcessorUse]:
 
 
 def _entry(files: Mapping[str, bytes]) -> str:
-    """The name under which is kept what the tools of now, at their places, tell of these files."""
+    """Return the name of a cache entry for these files and the installed tools."""
     tools = []
     for tool in (ARM, QEMU, HOST):
         place = shutil.which(tool)
@@ -110,7 +110,7 @@ def _measure(folder: Path, *, has_emulator: bool) -> dict[str, ProcessorUse]:
 
 
 def _use(folder: Path, flags: Sequence[str], board: str, samples: int) -> ProcessorUse:
-    """What one processor uses; without samples it is not emulated."""
+    """Measure one processor, without emulation if there are no samples."""
     names = ("controller", "controller_guard")
     for name in names:
         run_tool(folder, ARM, *flags, "-fcallgraph-info=su", "-c", f"{name}.c")
@@ -134,8 +134,8 @@ def _use(folder: Path, flags: Sequence[str], board: str, samples: int) -> Proces
 
 
 def samples_worth_emulating(folder: Path) -> Int[np.ndarray, " chosen"]:
-    """Numbers of the samples of the export in a folder that run a block of code for the first time,
-    or most blocks; of all samples where this machine has no compiler that counts blocks."""
+    """Return the indices of the samples in a folder that run a block of code for the first time, or
+    most blocks; all samples where no compiler on this machine counts blocks."""
     count = int(np.fromfile(folder / "test_vectors.bin", "<f8", 4)[1])
     (folder / "blocks.c").write_text(template("blocks.c"))
     options = ["-std=gnu99", "-ffp-contract=off", "-O0"]
@@ -152,7 +152,7 @@ def samples_worth_emulating(folder: Path) -> Int[np.ndarray, " chosen"]:
 
 
 def _some_of(vectors: bytes, chosen: Int[np.ndarray, " chosen"]) -> bytes:
-    """A file of test vectors with some of its rows."""
+    """Return a file of test vectors with some of its rows."""
     numbers = np.frombuffer(vectors, "<f8")
     head = numbers[:4].copy()
     rows = numbers[4:].reshape(int(head[1]), -1)[chosen]
@@ -161,7 +161,7 @@ def _some_of(vectors: bytes, chosen: Int[np.ndarray, " chosen"]) -> bytes:
 
 
 def run_tool(folder: Path, *command: str, longest: float = LONGEST) -> str:
-    """What a command prints in a folder; raises `subprocess.SubprocessError` where it fails."""
+    """Return the output of a command in a folder; raises `subprocess.SubprocessError`."""
     process = subprocess.run(
         command, cwd=folder, capture_output=True, text=True, timeout=longest, check=True,
         stdin=subprocess.DEVNULL,
@@ -170,9 +170,9 @@ def run_tool(folder: Path, *command: str, longest: float = LONGEST) -> str:
 
 
 def _stack(graph: str, begin: str) -> int:
-    """Bytes of the deepest chain of calls from a function, by the compiler's graph of calls.
+    """Return the bytes of the deepest chain of calls from a function, by the compiler's call graph.
 
-    Without the compiler's own functions for arithmetic, which have no frames in it.
+    The compiler's own functions for arithmetic have no frames in it.
     """
     sizes = {
         name: int(size)

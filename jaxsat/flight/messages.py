@@ -1,6 +1,6 @@
-"""What goes into a controller and comes out, as wrappers of flight software's frameworks pass it.
+"""Inputs and outputs of a controller, as messages of flight software's frameworks.
 
-The rows of the interface control document tell of it; all else in a wrapper is in templates.
+They follow the rows of the interface control document; the rest of a wrapper is in templates.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,10 +14,10 @@ from jaxsat.flight.program import FlightProgram
 
 @dataclass(frozen=True)
 class Item:
-    """A number, or an array of them, of a message.
+    """A number, or an array of numbers, of a message.
 
-    `type` is that of C, `size` the bytes of an element, `about` its unit and range; `place` is
-    where the controller has it: "input", "valid" or "output" and the name of the field.
+    `type` is that of C, `size` the bytes of an element, `about` its unit and range; `place` is the
+    controller's structure, "input", "valid" or "output", and the name of the field.
     """
 
     name: str
@@ -28,13 +28,13 @@ class Item:
     place: tuple[str, str]
 
     def place_in(self, structures: Mapping[str, str]) -> str:
-        """The place in C, with the texts before the fields of the structures."""
+        """Return the C expression of the field, with these prefixes of the structures."""
         structure, field = self.place
         return structures[structure] + field
 
     @property
     def count(self) -> int:
-        """Of its elements."""
+        """Number of elements."""
         return int(np.prod(self.shape))
 
 
@@ -46,7 +46,7 @@ def _item(row: Row, structure: str, prefix: str = "") -> Item:
 
 
 def measured(rows: Sequence[Row]) -> list[Item]:
-    """What a sample needs: measurements, and what the sensors say of them; largest first."""
+    """Return the items of a sample's measurements and their validity, largest first."""
     items = [
         _item(row, "input")
         for row in rows
@@ -57,7 +57,7 @@ def measured(rows: Sequence[Row]) -> list[Item]:
 
 
 def commanded(rows: Sequence[Row]) -> list[Item]:
-    """What comes out of a sample, largest first; then its status and its number."""
+    """Return the items of a sample's outputs, largest first, then its status and number."""
     items = [_item(row, "output") for row in rows if row.structure == "controller_output"]
     return [
         *_sorted(items),
@@ -71,5 +71,5 @@ def _sorted(items: Sequence[Item]) -> list[Item]:
 
 
 def words_of_modes(program: FlightProgram) -> str:
-    """The numbers of the modes and their names."""
+    """Return the numbers of the modes and their names."""
     return ", ".join(f"{number} {name}" for name, number in program.modes.items())

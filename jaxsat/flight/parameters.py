@@ -14,13 +14,13 @@ from jaxsat.flight.templates import template
 
 
 def checksum(of_parameters: Sequence[Parameter]) -> int:
-    """CRC-32/ISO-HDLC of the defaults: elements in order as little-endian bytes, no padding."""
+    """Return CRC-32/ISO-HDLC of the defaults in order, as little-endian bytes without padding."""
     values = (one.default.astype(one.field.dtype.newbyteorder("<")) for one in of_parameters)
     return zlib.crc32(b"".join(value.tobytes() for value in values))
 
 
 def parameters_header(of_parameters: Sequence[Parameter], intro: Sequence[str]) -> str:
-    """The text of controller_parameters.h."""
+    """Return the text of controller_parameters.h."""
     number = f"{checksum(of_parameters):08X}"
     return "\n".join([*intro, template("controller_parameters.h", CHECKSUM=number)])
 
@@ -28,7 +28,7 @@ def parameters_header(of_parameters: Sequence[Parameter], intro: Sequence[str]) 
 def parameters_source(
     program: FlightProgram, of_parameters: Sequence[Parameter], intro: Sequence[str]
 ) -> str:
-    """The text of controller_parameters.c."""
+    """Return the text of controller_parameters.c."""
     real = real_type(program)
     lines: list[str] = []
     zero = np.zeros((), np.float32 if program.single else np.float64)[()]

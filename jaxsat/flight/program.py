@@ -1,4 +1,4 @@
-"""A flight controller as programs of scalars: its stages, and the structures that they work on."""
+"""A flight controller as scalar programs: its stages, and their structures."""
 
 import hashlib
 from collections.abc import Callable, Sequence
@@ -32,13 +32,13 @@ LARGEST = 8192
 
 
 def is_parameter(leaf: Any) -> bool:
-    """Whether flight code takes an array as a parameter; larger tables of gains are constants."""
+    """Whether an array is a parameter of flight code; larger tables of gains are constants."""
     return eqx.is_array(leaf) and np.size(leaf) <= LARGEST
 
 
 @dataclass(frozen=True)
 class ProgramStage:
-    """One program with the C expressions of its inputs and the places of its results."""
+    """One program with the C expressions of its inputs and of the targets of its results."""
 
     name: str
     title: str
@@ -49,16 +49,16 @@ class ProgramStage:
 
 @dataclass(frozen=True)
 class FlightProgram:
-    """All stages in order, first those that begin, and their structures.
+    """All stages in order, first those of the initialisation, and their structures.
 
     `whole(parameters, input, state)` is the step as one function, the reference of the proof,
-    `start(parameters, attitude, input)` what is before the first, and `coast(parameters, input,
-    memory)` the estimator's part of a step; `parameters` are the arrays of
-    the structure, `now` and `begun` an input and a state for their shapes. These count samples from
-    the first on; the structures have them from any number on, and the state has the first. `order`
-    tells of each array of `FlightController` which of the parameters it is. `calls` has the call of
-    each stage in C, `functions` the elementary ones of numbers by their C names, `origins` the
-    Python functions of C functions, and `wholes` what each part is a part of, once that is written.
+    `start(parameters, attitude, input)` the initialisation, and `coast(parameters, input, memory)`
+    the estimator's part of a step; `parameters` are the arrays of the structure, `now` and `begun`
+    an input and a state for their shapes. These count samples from the first on; the structures
+    have them from any number on, and the state has the first. `order` is the index of the parameter
+    of each array of `FlightController`. Once written, `calls` has the C call of each stage,
+    `functions` the elementary functions by their C names, `origins` the Python functions of C
+    functions, and `wholes` the function that each part belongs to.
     """
 
     begin: list[ProgramStage]
@@ -83,10 +83,10 @@ class FlightProgram:
 
 
 def flight_program(loop: object, start: PlantState, *, single: bool = False) -> FlightProgram:
-    """The program of a loop's controller; `start` is a state as the law may be given.
+    """Return the program of a loop's controller; `start` is an example of the law's input state.
 
-    With `single` all floats are of 32 bits. Raises `CannotExport` for a loop that is not sampled,
-    and `CannotLower` for an operation that cannot be written.
+    With `single` all floats have 32 bits. Raises `CannotExport` for a loop that is not sampled, and
+    `CannotLower` for an unsupported operation.
     """
     with jax.enable_x64(not single):
         return _flight_program(loop, start, np.float32 if single else np.float64)
@@ -169,7 +169,7 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
 
 
 def _hash(traces, structs: dict[str, Struct]) -> str:
-    """The hash of operations and of the structures that they use; no comment is part of it."""
+    """Return the hash of operations and of the structures that they use, without comments."""
     layout = [line for struct in structs.values() for line in struct.layout()]
     return hashlib.sha256("\n".join([fingerprint(traces), *layout]).encode()).hexdigest()
 
@@ -177,13 +177,13 @@ def _hash(traces, structs: dict[str, Struct]) -> str:
 def _stages(
     controller, defaults, now, begun, law_input, q, structs
 ) -> tuple[list[ProgramStage], list[ProgramStage]]:
-    """The stages of a sample, and the stages before the first: methods of `FlightController`."""
+    """Return the stages of a sample, and of the initialisation: methods of `FlightController`."""
     out = {one.path: one.elements("out->") for one in structs["output"].fields}
     measured, clock = structs["input"].elements("in->")[1:], structs["clock"].elements("at->")
     seen = structs["seen"].elements("seen->")
 
     def stage(name: str, title: str, inputs: list[tuple], outputs: list[str]) -> ProgramStage:
-        """The method of a name; each input is an example and the C expressions of its elements."""
+        """Return the stage of a method; inputs are examples with C expressions of elements."""
 
         def method(p, *args):
             return getattr(controller(p), name)(*args)
@@ -230,14 +230,14 @@ def _stages(
 
 
 def _elements_under(struct: Struct, part: str, pointer: str) -> list[str]:
-    """The elements of the fields of a part, as C expressions."""
+    """Return the elements of the fields of a part, as C expressions."""
     begins = (f"{part}.", f"{part}[")
     fields = (one for one in struct.fields if one.path == part or one.path.startswith(begins))
     return [text for one in fields for text in one.elements(pointer)]
 
 
 def _without_unread(parameters: Struct, stages: Sequence[ProgramStage]) -> Struct:
-    """The structure of parameters without those that no stage reads."""
+    """Return the structure of parameters without those that no stage reads."""
     places_read = _places_read(stages)
     fields, place = [], 0
     for one in parameters.fields:
@@ -248,7 +248,7 @@ def _without_unread(parameters: Struct, stages: Sequence[ProgramStage]) -> Struc
 
 
 def _places_read(stages: Sequence[ProgramStage]) -> set[int]:
-    """Numbers of the scalars that are the first parameters of all stages and that one reads."""
+    """Return the indices of the scalar parameters that any stage reads."""
     places: set[int] = set()
     for stage in stages:
         function = stage.program.function

@@ -27,7 +27,7 @@ def readme(
     lines: int,
     unsearched: str,
 ) -> str:
-    """The text: what an export is, where it comes from, how it is built, tested and called."""
+    """Return the text: content and provenance of an export, building, testing and calling."""
     versions = request.provenance["versions"]
     version_rows = "\n".join(f"| {name} | {version} |" for name, version in versions.items())
     functions = "the C library's" if request.libm else "in controller.c, those of the native engine"
@@ -97,7 +97,7 @@ def _search(unsearched: str) -> str:
 
 
 def _emulated_vectors(numbers: ProcessorUse, vectors: Vectors) -> str:
-    """The words for the test vectors over which instructions were counted."""
+    """Describe the test vectors over which instructions were counted."""
     if numbers.samples == len(vectors.given):
         return "the test vectors"
     return (

@@ -1,8 +1,8 @@
-"""Calls that run branches of controller.c which no drawn call runs, searched by running it.
+"""Search for calls that run branches of controller.c which no drawn call runs.
 
-This machine's compiler makes the controller tell its blocks and comparisons, and
-assets/search_calls.c changes calls until they run something new. What is found is kept in the cache
-of machine code, under a hash of the files, the compiler and the calls to begin from.
+This machine's compiler instruments the controller's blocks and comparisons, and
+assets/search_calls.c changes calls until they run something new. Results are kept in the cache of
+machine code, under a hash of the files, the compiler and the initial calls.
 """
 
 import hashlib
@@ -27,19 +27,19 @@ BLOCKS = 300_000
 """Blocks of code that a search runs for each line of controller.c: some 3 s for 1,000 lines."""
 
 LONGEST = 600.0
-"""Seconds that a search may take."""
+"""Time limit of a search, s."""
 
 SEEDS = 256
-"""Samples that a search begins from, beside the drawn calls."""
+"""Samples from which a search begins, beside the drawn calls."""
 
 FLOAT, WHOLE, FLAG, FIXED = range(4)
-"""How a number of a call may change."""
+"""Ways in which a number of a call may change."""
 
 _OPTIONS = ["-std=gnu99", "-ffp-contract=off"]
 
 
 class NoSearch(JaxsatError):
-    """No calls were searched for, and why."""
+    """No calls were searched for; the message gives the reason."""
 
 
 def found_calls(
@@ -49,10 +49,10 @@ def found_calls(
     drawn: Float[np.ndarray, "calls numbers"],
     samples: Float[np.ndarray, "n given"],
 ) -> Float[np.ndarray, "found numbers"]:
-    """Calls that run a branch, or reach an outcome of a comparison, which none of `drawn` does.
+    """Return calls that run a branch, or an outcome of a comparison, which none of `drawn` does.
 
-    Parameters stay within their bounds. `files` are the sources by their names. Raises `NoSearch`
-    where this machine has no compiler that can tell blocks, and where compiler or search fail.
+    Parameters stay within their bounds. `files` are the sources by name. Raises `NoSearch` where no
+    compiler on this machine can instrument blocks, and where compiler or search fail.
     """
     compiler = shutil.which(HOST)
     if compiler is None:
@@ -90,7 +90,7 @@ def _search(sources: Mapping[str, str], calls: bytes) -> bytes:
 
 
 def _reason(error: OSError | subprocess.SubprocessError) -> str:
-    """What failed, with the first line that it printed of an error."""
+    """Describe a failure, with the first line of an error message."""
     if isinstance(error, subprocess.TimeoutExpired):
         return f"it took longer than {error.timeout:g} s"
     if not isinstance(error, subprocess.CalledProcessError):
@@ -106,7 +106,7 @@ def _given(
     drawn: Float[np.ndarray, "calls numbers"],
     samples: Float[np.ndarray, "n given"],
 ) -> bytes:
-    """Counts, then how each number may change, its bounds, and the calls to begin from."""
+    """Return counts, then the way each number may change, its bounds, and the initial calls."""
     ways = {"f": FLOAT, "i": WHOLE, "u": FIXED, "b": FLAG}
     of_numbers: list[tuple[float, float, float]] = [(FIXED, 0.0, 0.0)]
     for one in of_parameters:

@@ -38,11 +38,11 @@ STRUCTURES = {
     "next": "state",
     "out": "output",
 }
-"""What pointers point to."""
+"""Structures by pointer."""
 
 
 def header(program: FlightProgram, intro: Sequence[str]) -> str:
-    """The text of controller.h."""
+    """Return the text of controller.h."""
     modes, names = "", Names(fields=True)
     if len(program.modes) > 1:
         defines = [
@@ -81,7 +81,7 @@ def _coast_head(end: str) -> list[str]:
 
 
 def source(program: FlightProgram, intro: Sequence[str], *, libm: bool) -> str:
-    """The text of controller.c."""
+    """Return the text of controller.c."""
     real = real_type(program)
     types = {name: text.format(real=real) for name, text in TYPES_OF_POINTERS.items()}
     if not program.estimates:
@@ -107,12 +107,12 @@ def source(program: FlightProgram, intro: Sequence[str], *, libm: bool) -> str:
 
 
 def reads_clock(call: str) -> bool:
-    """Whether a stage that is called so reads the number of the sample."""
+    """Whether a stage with this call reads the number of the sample."""
     return re.search(r"\bat\b", call) is not None
 
 
 def _shapes(program: FlightProgram) -> dict[str, tuple[int, ...]]:
-    """The shapes of all arrays that functions find in structures, by name."""
+    """Return the shapes of all arrays in structures, by the names in functions."""
     return {"attitude": (4,)} | {
         f"{pointer}->{field.name}": field.shape
         for pointer, struct in STRUCTURES.items()
@@ -143,7 +143,7 @@ def _defaults(program: FlightProgram) -> list[str]:
 
 
 def default_parameters(program: FlightProgram) -> list[str]:
-    """The scenario's numbers as lines of an initialiser of `controller_parameters`."""
+    """Return the scenario's numbers as lines of an initialiser of `controller_parameters`."""
     lines = []
     fields = program.structs["parameters"].fields
     for field in fields:
@@ -167,7 +167,7 @@ def _initialiser(array) -> str:
 
 
 def _stage(unit: Unit, stage: ProgramStage) -> str:
-    """Print the function of a stage, and return the call of it."""
+    """Print the function of a stage, and return its call."""
     function = stage.program.function
     if not stage.outputs:
         return ""
@@ -193,7 +193,6 @@ def _stage(unit: Unit, stage: ProgramStage) -> str:
 
 
 def _clock(sample: str) -> list[str]:
-    """A clock and the pointer to it."""
     return [
         f"  const controller_clock passed = {{.sample = {sample}}};",
         "  const controller_clock *at = &passed;",
@@ -254,7 +253,7 @@ def _entry_points(program: FlightProgram, calls: dict[str, str]) -> list[str]:
 def _sample(
     calls: dict[str, str], stages: Sequence[str], clock: list[str], estimates: bool, *more: str
 ) -> list[str]:
-    """The rest of a function that runs these stages of a sample; `more` are its own arguments."""
+    """Return the end of a function of these stages; `more` are its own arguments."""
     lines = clock if any(reads_clock(calls[name]) for name in stages) else []
     if estimates:
         lines = [*lines, "  controller_seen told;", "  controller_seen *seen = &told;"]

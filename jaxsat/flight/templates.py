@@ -1,4 +1,4 @@
-"""Files that are nearly the same for every controller, and what is built of them."""
+"""Templates: files that are nearly the same for every controller, and their build outputs."""
 
 from jaxsat.core import package_files
 
@@ -11,19 +11,19 @@ BUILT = frozenset(f"build/{name}" for name in (
     "libflight_controller.a", "CMakeCache.txt", "cmake_install.cmake",
     "CTestTestfile.cmake", "Makefile",
 )) | {"build", "controller.c.gcov", "controller.c.mcdc"}  # fmt: skip
-"""What `make` and CMake leave in the folder."""
+"""Files that `make` and CMake leave in the folder."""
 
 OF_CMAKE = ("build/CMakeFiles", "build/Testing")
-"""Folders of which all is CMake's own."""
+"""Folders that belong to CMake."""
 
 
 def is_built(name: str) -> bool:
-    """Whether the build files make this of an export; names are relative to its folder."""
+    """Whether a name, relative to the export's folder, is a build output."""
     return name in BUILT or any(name == one or name.startswith(f"{one}/") for one in OF_CMAKE)
 
 
 def template(name: str, **values: object) -> str:
-    """The text of a file in `assets`, with each `@NAME@` replaced by the value of that name."""
+    """Return a file of `assets`, with each `@NAME@` replaced by the value of that name."""
     return package_files.template("jaxsat.flight", f"assets/{name}", **values)
 
 
@@ -46,4 +46,4 @@ DEVIATIONS = {
     "missingIncludeSystem": "headers of the C library",
     "unusedStructMember": "fields that the law reads in part",
 }
-"""Rules that are not followed, and why."""
+"""Rules that are not followed, and the reasons."""

@@ -1,4 +1,4 @@
-"""trace.csv: which Python function each function of controller.c comes from."""
+"""trace.csv: the Python origin of each function of controller.c."""
 
 import csv
 import io
@@ -15,11 +15,11 @@ _HEAD = re.compile(r"^(?!typedef|struct)\w[^;{}=#/]*?\b(\w+)\([^;{}]*?\)\s*\{$",
 
 
 def trace_table(program: FlightProgram, code: str) -> str:
-    """The text: a row for each function of the C text of a program, in the order of that text.
+    """Return a row for each function of a program's C text, in the order of that text.
 
-    A function of which several equal Python functions were made has a row for each. A part has the
-    Python function of the whole. The interface, elementary functions and operations on numbers and
-    arrays have none.
+    A function made of several equal Python functions has a row for each. A part has the Python
+    function of the whole. The interface, elementary functions and operations on numbers and arrays
+    have none.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -37,7 +37,7 @@ def trace_table(program: FlightProgram, code: str) -> str:
 
 
 def _short(file: str) -> str:
-    """A file without the folders of this machine: from its package on, or its name alone."""
+    """Return a file from its package on, or its name alone."""
     path, root = Path(file), Path(jaxsat.__file__).parent.parent
     if path.is_relative_to(root):
         return path.relative_to(root).as_posix()

@@ -1,4 +1,4 @@
-"""Test vectors: samples of closed loops and edge cases, with what the controller is to answer."""
+"""Test vectors: samples of closed loops and edge cases, with the controller's expected results."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -23,10 +23,10 @@ from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.wheels import wheel_momentum
 
 CASES, SAMPLES, EDGES = 8, 1280, 512
-"""Closed-loop runs, samples that are kept of each, and edge cases."""
+"""Closed-loop runs, samples kept of each, and edge cases."""
 
 LONGEST = 20_000
-"""Samples of a run."""
+"""Largest number of samples of a run."""
 
 EXTREMES = (
     0.0, -0.0, 1.0, -1.0, 1e-300, -1e-300, 1e-12, 1e12, 1e300, -1e300, np.inf, -np.inf, np.nan,
@@ -35,22 +35,22 @@ EXTREMES = (
 
 
 class Vectors(NamedTuple):
-    """Rows of numbers, one row a sample: what goes in (inputs, then state), and what must come out
-    (outputs, then the next state)."""
+    """Rows of numbers, one a sample: inputs, then state (`given`), and outputs, then the next state
+    (`expected`)."""
 
     given: Float[np.ndarray, "n given"]
     expected: Float[np.ndarray, "n expected"]
 
 
 class _Record(NamedTuple):
-    """The memory of an estimator or a law, and its last input."""
+    """Memory of an estimator or a law, with its last input."""
 
     memory: PyTree
     last_input: PyTree
 
 
 class _RecordingLaw(AbstractSampledController):
-    """A law that also remembers the state at its last sample."""
+    """A law that also records the state at its last sample."""
 
     law: AbstractSampledController
     period: RealScalar
@@ -64,7 +64,7 @@ class _RecordingLaw(AbstractSampledController):
 
 
 class _RecordingEstimator(AbstractEstimator):
-    """An estimator that also remembers its last measurement."""
+    """An estimator that also records its last measurement."""
 
     estimator: AbstractEstimator
 
@@ -85,9 +85,9 @@ def vectors(
     seed: int = 0,
     reference: "Reference | None" = None,
 ) -> Vectors:
-    """At least ten thousand samples of closed loops from starts of all attitudes, and edge cases.
+    """Return ten thousand samples of closed loops from starts of all attitudes, and edge cases.
 
-    What is expected is what the compiled engine makes of them without fused operations.
+    Expected are the results of the compiled engine without fused operations.
     """
     with jax.enable_x64(True):
         now, state = _closed_loops(loop, start, duration, seed)
@@ -103,8 +103,8 @@ def vectors(
 class Reference:
     """The entry points of a program, compiled without fused operations.
 
-    All inputs and states have a leading axis of cases, which share the parameters. What comes out
-    are rows of outputs and next states.
+    All inputs and states have a leading axis of cases, which share the parameters. Results are rows
+    of outputs and next states.
     """
 
     def __init__(self, program: FlightProgram):
@@ -115,7 +115,7 @@ class Reference:
     def step(
         self, now: Input, state: State, parameters: list | None = None
     ) -> Float[np.ndarray, "n expected"]:
-        """Outputs and next states of samples."""
+        """Return outputs and next states of samples."""
         whole = self.program.whole
         cases = (_since(state, now), state._replace(begin_sample=None))
         examples = (self.program.now, self.program.begun)
@@ -125,7 +125,7 @@ class Reference:
     def begin(
         self, attitude: Float[np.ndarray, "n q"], now: Input, parameters: list | None = None
     ) -> Float[np.ndarray, "n state"]:
-        """States before samples; without an estimator attitudes have no numbers."""
+        """Return states before samples; without an estimator attitudes have no numbers."""
         zero = now._replace(sample=np.zeros_like(now.sample))
         examples = (np.zeros(attitude.shape[1:]), self.program.now)
         after = self._run("begin", self.program.start, examples, (attitude, zero), parameters)
@@ -134,7 +134,7 @@ class Reference:
     def coast(
         self, now: Input, state: State, parameters: list | None = None
     ) -> Float[np.ndarray, "n state"]:
-        """States after samples of the estimator alone."""
+        """Return states after samples of the estimator alone."""
         cases = (_since(state, now), state.estimator)
         examples = (self.program.now, self.program.begun.estimator)
         memory = self._run("coast", self.program.coast, examples, cases, parameters)
@@ -161,7 +161,7 @@ class Reference:
 
 
 def _since(state: State, now: Input) -> Input:
-    """The input with its number of sample counted from the begin."""
+    """Return the input with its sample number counted from the begin."""
     begin: Any = state.begin_sample
     with np.errstate(over="ignore"):
         return now._replace(sample=now.sample - begin)
@@ -172,7 +172,7 @@ def _type(array: Any, single: bool) -> np.dtype:
 
 
 def rows_of(tree: PyTree) -> Float[np.ndarray, "n numbers"]:
-    """The arrays of a tree, which share their leading axis, as rows of doubles."""
+    """Return the arrays of a tree, which share their leading axis, as rows of doubles."""
     leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(tree) if np.size(leaf)]
     return np.concatenate([leaf.reshape(len(leaf), -1).astype(float) for leaf in leaves], axis=1)
 
@@ -189,7 +189,7 @@ def _recording(loop: SampledLoop) -> SampledLoop:
 def _closed_loops(
     loop: SampledLoop, start: PlantState, duration: float, seed: int
 ) -> tuple[Input, State]:
-    """Inputs and states before them at samples of several runs, one after the other."""
+    """Return inputs and prior states at samples of several runs, one after the other."""
     recording = _recording(loop)
     period = float(np.asarray(loop.controller.period))
     total = max(SAMPLES, min(LONGEST, round(duration / period)))
@@ -199,7 +199,7 @@ def _closed_loops(
         return recording.start(_start(start, key))
 
     def block(case):
-        """`stride` periods, of which the last is observed."""
+        """Simulate `stride` periods, of which the last is observed."""
         state, begin = case
 
         def one(i, before_and_now):
@@ -221,13 +221,13 @@ def _closed_loops(
 
 
 def _over_cases(function: Callable[[PyTree], PyTree], cases: PyTree) -> Callable[[PyTree], PyTree]:
-    """A function of one case over leading axes like those of `cases`, compiled."""
+    """Compile a function of one case over leading axes like those of `cases`."""
     one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), cases)
     return compiled_over_cases(lambda case, shared: function(case), one, contract=False)
 
 
 def _start(start: PlantState, key: Array) -> PlantState:
-    """A start of any attitude; rates are those of the scenario, turned and scaled."""
+    """Return a start of any attitude; rates are those of the scenario, rotated and scaled."""
     one, two = jax.random.split(key)
     quaternion = Quaternion(jax.random.normal(one, (4,))).normalised()
     attitude = quaternion if isinstance(start.attitude, Quaternion) else quaternion.as_wz()
@@ -237,7 +237,7 @@ def _start(start: PlantState, key: Array) -> PlantState:
 
 
 def _after(loop: SampledLoop, number, period: float, state):
-    """The state one period later."""
+    """Return the state one period later."""
 
     def integrate(t, hold, plant, carry):
         def rate(instant, plant):
@@ -249,7 +249,7 @@ def _after(loop: SampledLoop, number, period: float, state):
 
 
 def _observation(loop: SampledLoop, number, before: Any, following: Any) -> tuple[Input, State]:
-    """Input and state of one sample, from the loop's states before and after its period."""
+    """Return input and state of one sample, from the loop's states before and after its period."""
     plant_state = following.memory.last_input
     state = State(before.memory.memory, None, modulator_of(loop.plant.effectors, before.effectors))
     measured: Any = Seen(plant_state.attitude, plant_state.omega, wheel_momentum(plant_state))
@@ -261,7 +261,7 @@ def _observation(loop: SampledLoop, number, before: Any, following: Any) -> tupl
 
 
 def _with_edges(rng: np.random.Generator, tree: PyTree) -> PyTree:
-    """The rows, and more: some of them again with extreme numbers in places."""
+    """Append rows with extreme numbers in random places to copies of some rows."""
     count = len(jax.tree.leaves(tree)[0]) if jax.tree.leaves(tree) else 0
     places = rng.integers(0, max(count, 1), EDGES)
 
