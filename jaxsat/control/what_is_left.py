@@ -64,7 +64,7 @@ LEFT: Mapping[Laws, WhatFlies] = {
             TolerantMode.MAGNETIC_SLEWING,
             TolerantMode.MAGNETIC_POINTING,
         ),
-        ("magnetic",),
+        ("magnetic", "fault-tolerant"),
     ),
     "none": WhatFlies("no law of jaxsat applies", (TolerantMode.DAMPING,), (), everywhere=False),
 }

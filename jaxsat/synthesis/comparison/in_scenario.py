@@ -33,7 +33,7 @@ from jaxsat.synthesis.comparison.verdict import (
     chosen_law,
     comparison_row,
 )
-from jaxsat.synthesis.controller_design.candidates import SLOW_LAWS
+from jaxsat.synthesis.controller_design.candidates import SLOW_LAWS, usual_control
 from jaxsat.synthesis.execution import Execution, Listener, folder_of_call
 
 ALL = "all"
@@ -70,9 +70,10 @@ class ScenarioComparison(NamedTuple):
 def scenario_under(scenario: Scenario, law: str) -> Scenario:
     """Return the scenario under another law, without `[tuning]`.
 
-    Keys of `[control]` that both laws have keep their values, the others have their defaults; a
-    sampled law in place of a continuous one, or the reverse, has the default solver. `law` is a
-    law's name, `"module:Class"`, or a scenario file whose `[control]` is used.
+    Keys of `[control]` that both laws have keep their values, the others of the new law have their
+    defaults; where one lacks a default they are those that `design` begins with. A sampled law in
+    place of a continuous one, or the reverse, has the default solver. `law` is a law's name,
+    `"module:Class"`, or a scenario file whose `[control]` is used.
 
     Raises `ValueError` for an unknown law and `ScenarioError` for one that does not suit.
     """
@@ -89,7 +90,9 @@ def scenario_under(scenario: Scenario, law: str) -> Scenario:
         shared_keys |= {"model"} if of_law.has_model else set()
         shared_keys |= {"measured_disturbance"} if of_law.measures_disturbance else set()
         shared_values = {key: value for key, value in data["control"].items() if key in shared_keys}
-        data["control"] = shared_values | {"law": law}
+        needed_keys = {key.name for key in of_law.keys if key.default is ...} - shared_values.keys()
+        usual_values = usual_control(scenario, law) if needed_keys else {}
+        data["control"] = usual_values | shared_values | {"law": law}
         if of_law.sampled != scenario.law.declaration.sampled:
             data["simulation"].pop("solver", None)
     return validated(data, f"{scenario.title}: {law}")

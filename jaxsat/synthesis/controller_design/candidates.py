@@ -115,6 +115,17 @@ def fitting_candidates(
     return Fitting(tuple(candidates), tuple(left_out))
 
 
+def usual_control(scenario: Scenario, law: str) -> dict[str, Any]:
+    """Return the `[control]` table of a law's candidate; empty if the vehicle has none."""
+    if law not in GAINS:
+        return {}
+    table = _maker(law, GAINS[law][""], scenario)
+    try:
+        return table(scale_of(_with_control(scenario, table(UNIT), UNIT)))
+    except ValueError:
+        return {}
+
+
 def written_out(scenario: Scenario) -> Scenario:
     """Return the scenario with every tunable gain as a number in `[control]`."""
     controller = controller_of(build_loop(scenario))
@@ -177,6 +188,8 @@ UNIT = Scale((1.0, 1.0), 1.0)
 def _tables(scenario: Scenario, names: list[str], law: str) -> Iterator[tuple[str, Maker]]:
     """Yield names of candidates of these laws, and the maker of each `[control]` table."""
     own = scenario.control.model_dump(exclude_none=True)
+    laws = {name: known_law(name) for name in names}
+    pace = next((name for name, one in laws.items() if one and one.declaration.takes_orbits), None)
     for name in names:
         default = name == own["law"] and _is_default(own, name)
         is_own = name == own["law"] and (law == name or (law == QUICK and not default))
@@ -185,7 +198,7 @@ def _tables(scenario: Scenario, names: list[str], law: str) -> Iterator[tuple[st
         if is_own and default:
             continue
         for variant, gains in GAINS.get(name, {}).items():
-            yield name + variant, _maker(name, gains, scenario)
+            yield name + variant, _maker(name, gains, scenario, pace)
         if not is_own and name not in GAINS:
             yield name, lambda scale, name=name: {"law": name}
 
@@ -209,10 +222,14 @@ def _period(scenario: Scenario, law: Law | None, scale: Scale) -> dict[str, floa
     return {"period_s": control_period(scenario, law, scale)}
 
 
-def _maker(name: str, gains: Gains, scenario: Scenario) -> Maker:
-    """Return the maker of the table of a built-in law, with the model of the scenario."""
+def _maker(name: str, gains: Gains, scenario: Scenario, pace: str | None = None) -> Maker:
+    """Return the maker of the table of a built-in law, with the model of the scenario.
+
+    The default control period is that of the law `pace`, by default of the law itself.
+    """
     law, own = known_law(name), scenario.control.model_dump(exclude_none=True)
     assert law is not None
+    paced = known_law(pace or name)
     rates, numbers = gains
     has_model = law.declaration.has_model and "model" in own
     model = {"model": own["model"]} if has_model else {}
@@ -223,7 +240,7 @@ def _maker(name: str, gains: Gains, scenario: Scenario) -> Maker:
             key: float(f"{value * units.get(key, 1 / scale.time):.4g}")
             for key, value in rates.items()
         }
-        return {"law": name, **numbers, **model, **_period(scenario, law, scale), **scaled_gains}
+        return {"law": name, **numbers, **model, **_period(scenario, paced, scale), **scaled_gains}
 
     return table
 

@@ -14,7 +14,7 @@ from jaxsat.scenario.parts.sensors import SamplingTable
 from jaxsat.scenario.parts.torque_makers import TorqueMakers
 from jaxsat.synthesis.comparison.acceptance import horizon
 from jaxsat.synthesis.controller_design.lost_holds import holds_last
-from jaxsat.synthesis.controller_design.vehicle import Scale, VehicleVerdict
+from jaxsat.synthesis.controller_design.vehicle import Scale, VehicleVerdict, scale_of_orbit
 
 RATE = 0.83
 """Largest initial rate about each axis times τ: 0.1 rad/s on the acceptance set at 5 N m."""
@@ -63,9 +63,11 @@ def completed(
     """Return the scenario with default dispersions, sensors and duration where it has none.
 
     A given duration is kept, unless default dispersions are added, which need more than one start
-    does. Defaults are the level "hard" of the acceptance set, scaled by τ, without quantities that
-    the loop does not have.
+    does. Defaults are the level "hard" of the acceptance set, scaled by τ, or by 1/ω0 where
+    magnetorquers hold an axis, without quantities that the loop does not have.
     """
+    if verdict.judgement.laws == "magnetic":
+        scale = scale_of_orbit(scenario)
     data, assumptions = scenario.model_dump(exclude_none=True), []
     has_dispersions = scenario.dispersion is not None
     sensors = scenario.sampling or scenario.gyro or scenario.star_tracker

@@ -135,14 +135,14 @@ def vehicle_verdict(scenario: Scenario) -> VehicleVerdict:
 def scale_of(scenario: Scenario) -> Scale:
     """Return the scale that makes the gains of a scenario's law dimensionless.
 
-    Raises `UnsuitableVehicle` where no torque limit is known.
+    Where only magnetorquers make torques the unit of time is 1/ω0. Raises `UnsuitableVehicle` where
+    no torque limit is known.
     """
     limit = torque_limit(scenario)
     inertia = inertia_of(scenario)
-    if scenario.law.declaration.takes_orbits:
-        moments = np.linalg.eigvalsh(inertia)[1:]
-        torque = float(np.sqrt(np.prod(moments))) * orbit_rate(scenario) ** 2
-        return Scale((float(moments[0]), float(moments[1])), torque)
+    by_rods = limit is None and scenario.magnetorquer and not scenario.wheel
+    if scenario.law.declaration.takes_orbits or by_rods:
+        return scale_of_orbit(scenario)
     if limit is None:
         key = "[[wheel]] torque_limit_N_m" if scenario.wheel else "spacecraft.torque_limit_N_m"
         raise UnsuitableVehicle(f"{key} must be given in N m: gains are scaled by it")
@@ -151,6 +151,13 @@ def scale_of(scenario: Scenario) -> Scale:
     except ValueError:
         first, second = np.linalg.eigvalsh(inertia)[1:]
     return Scale((float(first), float(second)), float(limit))
+
+
+def scale_of_orbit(scenario: Scenario) -> Scale:
+    """The scale of motion by magnetorquers, whose unit of time is 1/ω0."""
+    moments = np.linalg.eigvalsh(inertia_of(scenario))[1:]
+    torque = float(np.sqrt(np.prod(moments))) * orbit_rate(scenario) ** 2
+    return Scale((float(moments[0]), float(moments[1])), torque)
 
 
 def coupling(inertia: np.ndarray, directions: np.ndarray) -> float:

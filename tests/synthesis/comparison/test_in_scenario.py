@@ -49,6 +49,7 @@ def not_flown(monkeypatch):
     ("name", "laws", "remarks"),
     [
         ("hybrid-wheels", ["fault-tolerant", "quaternion-feedback"], []),
+        ("rods-only", ["magnetic", "fault-tolerant"], []),
         ("one-torque-damping", ["one-torque"], []),
         ("switching", ["switching", "three-slew", "oscillatory"], ["planned is left out"]),
         ("paper-rate", ["rate"], ["three-slew: key.*limit", "oscillatory: key.*", "planned is"]),
