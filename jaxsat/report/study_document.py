@@ -18,7 +18,7 @@ from jaxsat.studies.recovery_summary import (
     reason_words,
 )
 from jaxsat.studies.sensitivities import Sensitivity
-from jaxsat.studies.statistics import Interval, ends_text, fraction_text, percent_texts
+from jaxsat.studies.statistics import Interval, fraction_text, interval_text, percent_texts
 from jaxsat.studies.summary import Summary
 
 EXPLAINED = 200
@@ -132,7 +132,7 @@ def _ranking(title: str, ranking: list[Sensitivity]) -> Table:
         [
             one.name,
             *(
-                Shown(f"{_short(part.value)} ({ends_text(part, _short)})", part.value)
+                Shown(interval_text(part, _short), part.value)
                 for part in (one.first_order, one.rank_correlation)
             ),
             "yes" if one.matters else "no",
@@ -229,7 +229,7 @@ def interval_cell(interval: Interval | None, missing: str = "–") -> Shown:
     """Format a number with its interval; `missing` for infinite ones, as of unsettled cases."""
     if interval is None or not np.isfinite(interval.value):
         return Shown(missing, float("inf"))
-    return Shown(f"{number_text(interval.value)} ({ends_text(interval)})", interval.value)
+    return Shown(interval_text(interval), interval.value)
 
 
 def interval_of(record: Mapping[str, Any] | None) -> Interval | None:

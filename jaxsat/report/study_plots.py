@@ -116,11 +116,12 @@ def settled_by_law(
 ) -> Plot:
     """Plot the fraction settled by a time (s, infinite if never) under each law.
 
-    The axis ends with the `horizon` (s) or, without one, with the last case that settles.
+    The axis ends with the `horizon` (s) or, without one, with the last case that settles. Cases
+    that settle before it begins are drawn there.
     """
     shares = {}
     for law, of_law in times.items():
-        good = np.sort(of_law[np.isfinite(of_law)])
+        good = np.maximum(np.sort(of_law[np.isfinite(of_law)]), EARLIEST)
         share = np.arange(len(good) + 1) / max(1, len(of_law))
         ends = [] if horizon is None else [horizon]
         at = np.concatenate([[EARLIEST], good, ends])

@@ -209,9 +209,14 @@ def fraction_text(interval: Interval) -> str:
     return f"{value} ({low} to {high})"
 
 
-def ends_text(interval: Interval, text_of: Callable[[float], str] = number_text) -> str:
-    """Ends of an interval as text, "1 to 2"; "over 1" for an open upper end."""
-    low, high = map(text_of, interval[1:])
+def interval_text(interval: Interval, text_of: Callable[[float], str] = number_text) -> str:
+    """Return a number with its interval, "1.5 (1 to 2)"; "1.5 (over 1)" for an open upper end.
+
+    It is the number alone where both ends are open, as of a single case.
+    """
+    value, low, high = map(text_of, interval)
     if np.isfinite(interval.high):
-        return f"{low} to {high}" if np.isfinite(interval.low) else f"up to {high}"
-    return f"over {low}" if np.isfinite(interval.low) else "no bound known"
+        return (
+            f"{value} ({low} to {high})" if np.isfinite(interval.low) else f"{value} (up to {high})"
+        )
+    return f"{value} (over {low})" if np.isfinite(interval.low) else value

@@ -5,6 +5,7 @@ import pytest
 
 from jaxsat.report.comparison_figures import settling_comparison
 from jaxsat.report.figure_painter import paint_grid
+from jaxsat.report.study_plots import settled_by_law
 from jaxsat.report.style import MARKERS
 from jaxsat.report.tuning_document import methods_plot
 
@@ -25,6 +26,13 @@ def test_each_law_of_a_comparison_has_a_line_of_its_own(count):
     assert len(set(looks(axis))) == count
     assert len({marker for marker, *_ in looks(axis)}) == min(count, len(MARKERS))
     assert [text.get_text() for text in figure.legends[0].get_texts()] == list(laws)
+
+
+def test_cases_that_settle_at_once_are_drawn_where_the_logarithmic_axis_begins():
+    plot = settled_by_law("k2", {"held": np.array([0.0, 0.0, np.inf])}, 300.0)
+    (line,) = plot.lines
+    assert line.x.min() == plot.x.limits[0] > 0
+    assert line.y[line.x == line.x.min()].max() == line.y[-1] == pytest.approx(2 / 3)
 
 
 def test_each_method_of_a_baseline_has_a_line_of_its_own():

@@ -10,7 +10,7 @@ from jaxsat.studies.statistics import (
     Interval,
     StopRule,
     WhenDecided,
-    ends_text,
+    interval_text,
     percent_texts,
     percentile,
     wilson,
@@ -80,10 +80,10 @@ def test_percentiles_are_those_of_numpy_and_may_be_infinite():
 
 
 def test_open_ends_are_told():
-    assert ends_text(percentile(np.arange(10.0), 99.0)) == "over 8"
-    assert ends_text(Interval(1.0, -np.inf, 2.0)) == "up to 2"
-    assert ends_text(Interval(1.0, 0.5, 2.0)) == "0.5 to 2"
-    assert ends_text(percentile(np.array([3.0]), 50.0)) == "no bound known"
+    assert interval_text(percentile(np.arange(10.0), 99.0)) == "8.91 (over 8)"
+    assert interval_text(Interval(1.0, -np.inf, 2.0)) == "1 (up to 2)"
+    assert interval_text(Interval(1.0, 0.5, 2.0)) == "1 (0.5 to 2)"
+    assert interval_text(percentile(np.array([3.0]), 50.0)) == "3"
 
 
 def test_percents_have_digits_enough_to_tell_the_ends_of_the_interval_apart():

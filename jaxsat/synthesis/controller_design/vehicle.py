@@ -154,7 +154,7 @@ def scale_of(scenario: Scenario) -> Scale:
 
 
 def scale_of_orbit(scenario: Scenario) -> Scale:
-    """The scale of motion by magnetorquers, whose unit of time is 1/ω0."""
+    """Return the scale of motion by magnetorquers, whose unit of time is 1/ω0."""
     moments = np.linalg.eigvalsh(inertia_of(scenario))[1:]
     torque = float(np.sqrt(np.prod(moments))) * orbit_rate(scenario) ** 2
     return Scale((float(moments[0]), float(moments[1])), torque)
