@@ -22,7 +22,7 @@ from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment.orbit import ExactOrbit
 from jaxsat.spacecraft.spacecraft import Spacecraft
 
-LEAST_TIMES = {1.0: 77.9, 5.0: 30.5, 20.0: 14.3}
+LEAST_TIMES = {1.0: 77.9, 5.0: 30.5}
 """From the paper's start, s, by torque limit: the best of 12 starts of IPOPT (`jaxsat bound`)."""
 
 
@@ -58,16 +58,16 @@ def order_of(found):
 @pytest.mark.slow
 def test_the_papers_start_near_the_least_time():
     """Within 1.5 times of it; at 5 N m it is flown with another inertia than is believed, below."""
-    for limit in (1.0, 20.0):
-        found, least = flight(limit), LEAST_TIMES[limit]
-        assert least < found.assessment.settled_from < 1.5 * least
-        order = order_of(found)
-        if "OSCILLATING" in order:  # where the plan left enough for it
-            order.remove("OSCILLATING")
-        assert order == ["PLANNING", "FOLLOWING", "HOLDING"]
-        assert np.abs(found.signals.torque).max() <= limit
-        assert found.final.memory.failures == 0
-        assert found.final.memory.manoeuvres <= 1
+    limit = 1.0
+    found, least = flight(limit), LEAST_TIMES[limit]
+    assert least < found.assessment.settled_from < 1.5 * least
+    order = order_of(found)
+    if "OSCILLATING" in order:  # where the plan left enough for it
+        order.remove("OSCILLATING")
+    assert order == ["PLANNING", "FOLLOWING", "HOLDING"]
+    assert np.abs(found.signals.torque).max() <= limit
+    assert found.final.memory.failures == 0
+    assert found.final.memory.manoeuvres <= 1
 
 
 @pytest.mark.slow

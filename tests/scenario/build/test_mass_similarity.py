@@ -47,7 +47,6 @@ def unit_of(field):
     [
         "cubesat-12u",
         "acceptance-hard",
-        "oscillatory-dispersed",
         "switching",
         "paper-rate",
         "one-torque-damping",

@@ -26,10 +26,11 @@ def tolerance_of(example, fixed: float) -> float:
     scope="module",
     params=[
         *("corners", "sampled", "continuous"),
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("error", "estimated")),
+        pytest.param("error", marks=pytest.mark.slow),
     ],
 )
 def example(request):
+    """The loop with an estimator: tests/control/navigation/test_loop.py."""
     return EXAMPLES[request.param]()
 
 
