@@ -79,13 +79,6 @@ def _check_companions(mapped: Mapped, cases: dict[str, np.ndarray]) -> None:
 
 @pytest.mark.slow
 @given(programs, st.integers(0, 9))
-@settings(max_examples=10, **SETTINGS)
-def test_random_programs(program, seed):
-    _check(program, seed)
-
-
-@pytest.mark.slow
-@given(programs, st.integers(0, 9))
-@settings(max_examples=60, **SETTINGS)
+@settings(max_examples=40, **SETTINGS)
 def test_many_random_programs(program, seed):
     _check(program, seed)

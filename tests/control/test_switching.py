@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from helpers.switching import CASE, GAINS, START, J, start, switching_loop
-from jaxsat.control.three_axis import InternalModel
 from jaxsat.core.attitude import WZ
 from jaxsat.simulation.engine.single import simulate
 from jaxsat.simulation.trajectory import Outcome
@@ -45,17 +44,6 @@ def test_sampled_switching_against_the_oracle(relation, attitude):
     assert 0 < run.mode.mean() < 1
 
 
-@pytest.mark.slow
-def test_switching_keeps_oscillating():
-    """With a free third rate the attitude comes near and the rates never stay small."""
-    run = simulate(switching_loop(CASE), start(), jnp.linspace(0, 2000, 2001)).signals
-    late = slice(1000, None)
-    rate = jnp.linalg.norm(run.relative_rate[late], axis=1)
-    assert jnp.linalg.norm(run.w[late], axis=1).max() < 0.05
-    assert 2e-3 < jnp.median(rate) < 5e-2
-    assert (rate < 1e-3).mean() < 0.2
-
-
 def test_hysteresis():
     """Between the thresholds the active law stays; beyond them it changes."""
     law = switching_loop(CASE).controller
@@ -69,13 +57,6 @@ def test_hysteresis():
         memory = law.init(PlantState(WZ([0.1, 0.1], 0.1), [0.0, 0.0, begin]))
         state = PlantState(WZ([0.1, 0.1], 0.1), [0.01, 0.02, omega3])
         assert bool(law.step(jnp.array(0.0), state, memory)[1].rate_law_active) is expected
-
-
-@pytest.mark.slow
-def test_sampled_law_with_internal_model_runs():
-    loop = switching_loop(CASE, internal=InternalModel([0.7, 0.8]))
-    result = simulate(loop, start(), jnp.linspace(0, 10, 11))
-    assert result.outcome is Outcome.SUCCESS
 
 
 @pytest.mark.parametrize(
