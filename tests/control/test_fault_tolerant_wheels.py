@@ -1,8 +1,5 @@
 """The law that diagnoses its wheels, in the loop: what it knows, and what it does."""
 
-import importlib.resources
-import re
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -97,10 +94,10 @@ def test_two_of_four_wheels_fail_and_two_settle():
 
 @pytest.mark.slow
 def test_every_kind_that_leaves_enough_settles():
-    found = build_study(load("failures-telescope"), 48, seed=7).values(np.arange(48))
+    found = build_study(load("failures-telescope"), 24, seed=7).values(np.arange(24))
     recovered = np.isfinite(found["settling_time"])
     lost = found["torques_left"] == 7  # the momentum of a runaway
-    assert 3 < np.count_nonzero(lost) < 20
+    assert 1 < np.count_nonzero(lost) < 10
     assert np.all(recovered[~lost])
     assert not found["false_alarms"].any()
     wrong = (found["isolated_kind"] > 0) & (np.arange(4) != found["failed_part"])
@@ -152,51 +149,6 @@ def test_much_momentum_about_the_axis_without_a_wheel_is_damped_and_not_chased()
     rates = np.linalg.norm(np.asarray(trajectory.signals.omega), axis=1)
     assert rates[-200:].max() < rates[0]
     assert not np.isfinite(float(trajectory.assessment.settled_from))
-
-
-MASS, TIME = 64.0, 4.0
-"""Inertia and torque, and every time, times these: powers of two, which rounding does not see."""
-
-FACTORS = {
-    "inertia_kg_m2": MASS,
-    **dict.fromkeys(("torque_limit_N_m", "coulomb_friction_N_m"), MASS / TIME**2),
-    **dict.fromkeys(("momentum_limit_N_m_s", "tachometer_noise_N_m_s"), MASS / TIME),
-    **dict.fromkeys(("at_s", "period_s", "duration_s", "save_every_s"), TIME),
-    **dict.fromkeys(("natural_frequency_rad_s", "max_rate_rad_s", "rate_noise_rad_s"), 1 / TIME),
-}
-
-
-@pytest.mark.slow
-def test_a_failure_at_another_scale_goes_the_same_way(tmp_path):
-    """Inertia and torques grow, all times do; the same verdicts, modes and attitudes."""
-    folder = importlib.resources.files("jaxsat.scenario") / "library"
-    text = (folder / "failures-telescope.toml").read_text()
-    text = text[: text.index("[dispersion")]
-    for old, new in (
-        ("duration_s = 1800", "duration_s = 400"),
-        ("save_every_s = 1", "save_every_s = 0.2"),
-    ):
-        text = text.replace(old, new)
-
-    def times(match):
-        factor = FACTORS.get(match.group(1), 1.0)
-        number = r"-?[\d.]+(e-?\d+)?"
-        scaled = re.sub(number, lambda x: repr(float(x[0]) * factor), match.group(2))
-        return f"{match.group(1)} = {scaled}"
-
-    scaled = re.sub(r"^(\w+) = ([-\[\d][^#\n]*)", times, text, flags=re.M)
-    scaled = re.sub(r"^seed = .*", "seed = 18", scaled, flags=re.M)
-    scaled = re.sub(r"^substeps = .*", "substeps = 1", scaled, flags=re.M)
-    found = []
-    for name, one in (("own", text), ("other", scaled)):
-        path = tmp_path / f"{name}.toml"
-        path.write_text(one)
-        found.append(build(load(str(path))).simulate().signals)
-    own, other = found
-    assert (np.asarray(own.parts["diagnosed_kind"])[-1] >= 0).sum() == 1
-    np.testing.assert_array_equal(own.parts["diagnosed_kind"], other.parts["diagnosed_kind"])
-    np.testing.assert_array_equal(own.mode, other.mode)
-    np.testing.assert_allclose(own.quaternion, other.quaternion, atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -266,7 +266,7 @@ def test_a_thruster_that_opposes_a_stuck_one_is_known_as_weak_by_gaps_and_used()
 
 @pytest.mark.slow
 def test_cases_of_any_attitude_recover_without_a_false_alarm():
-    columns = build_study(load("hybrid-wheels"), 32, seed=2).values(np.arange(32))
+    columns = build_study(load("hybrid-wheels"), 12, seed=2).values(np.arange(12))
     assert np.all(np.isfinite(columns["settling_time"]))
     assert not columns["false_alarms"].any()
     assert not columns["isolated_kind"][:, :8].any()

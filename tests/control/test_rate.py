@@ -1,4 +1,4 @@
-"""The rate law against an independent program; the paper's numbers are in scenario/test_library.py.
+"""The rate law against an independent program; the numbers of the paper: test_library.py.
 
 Tolerances are relative to the size of the state at the start, as a user would count.
 """

@@ -1,4 +1,4 @@
-"""The three-axis law against independent programs; the paper's numbers are in scenario/test_library.py.
+"""The three-axis law against independent programs; the numbers of the paper: test_library.py.
 
 The oracle writes every derivative out by hand and shares no code with the package. Tolerances are
 relative to the size of the state at the start, as a user would count.
