@@ -6,6 +6,7 @@ angle of the Earth: Wisniewski, Satellite Attitude Control Using Only Electromag
 thesis, Aalborg, 1996; Psiaki, J. Guidance, Control, and Dynamics 24(2), 2001.
 """
 
+from collections.abc import Iterable, Iterator
 from math import factorial
 from typing import NamedTuple
 
@@ -69,6 +70,12 @@ class LinearMotion(NamedTuple):
     stiffness: float
     state: Float[np.ndarray, "x x"]
     across: Float[np.ndarray, "turns halves 3 3"]
+
+    @property
+    def phases(self) -> "Iterator[LinearMotion]":
+        """The motion from each phase to the next."""
+        for begin in range(0, self.across.shape[1] - 1, 2 * STEPS):
+            yield self._replace(across=self.across[:, begin : begin + 2 * STEPS + 1])
 
     @property
     def unmade(self) -> Float[np.ndarray, "3 3"]:
@@ -220,56 +227,73 @@ def periodic_gain(
     unloading removes it. The state of A, S and Q includes the constant torque d, which has no
     weight. None where S of all other states does not become periodic.
     """
-    size, by_rods = motion.state.shape[0], motion.inverse @ motion.unmade
-    whole = size + 3
-    state = np.zeros((*motion.across.shape[:2], whole, whole))
-    state[..., :size, :size], state[..., 3:6, size:] = motion.free, motion.inverse
-    into, cost = np.zeros_like(state), np.zeros(whole)
-    wheels, weight = motion.wheels, weight / motion.stiffness**2
-    cost[:6] = np.repeat([1.0, motion.stiffness**-2], 3)
-    into[..., :size, :size] = wheels @ wheels.T / wheel_weight
-    into[..., 3:6, 3:6] += by_rods @ (motion.across + FLOOR * np.eye(3)) @ by_rods.T / weight
-    riccati = _periodic_riccati(_hamiltonian(state, into, np.diag(cost)), size)
+    by_rods = motion.inverse @ motion.unmade / (weight / motion.stiffness**2)
+    costs = np.repeat([1.0, motion.stiffness**-2, 0.0], [3, 3, motion.basis.shape[1]])
+    wheels = motion.wheels / wheel_weight
+    riccati = _periodic_riccati(
+        _products(_transitions(_hamiltonian(phase, costs, by_rods, wheels)), AT_ONCE)
+        for phase in motion.phases
+    )
     if riccati is None:
         return None
-    gains = [by_rods.T @ riccati[..., 3:6, :] / weight, wheels.T @ riccati / wheel_weight]
+    gains = [by_rods.T @ riccati[..., 3:6, :], wheels.T @ riccati]
     gains = np.concatenate(gains, axis=-2) * _units(motion)
     return PeriodicGain(gains, motion.basis, motion.rate)
 
 
+def _hamiltonian(
+    motion: LinearMotion,
+    costs: Float[np.ndarray, " x"],
+    by_rods: Float[np.ndarray, "3 3"],
+    by_wheels: Float[np.ndarray, "x p"],
+) -> Float[np.ndarray, "turns halves y y"]:
+    """Matrices F of dy/dτ = F y for y = (x, λ, d), with λ = S (x, d) the costate of x.
+
+    `costs` are the diagonal of Q for x; `by_rods` is J⁻¹ N / r, `by_wheels` C / s.
+    """
+    size, free = motion.state.shape[0], motion.free
+    whole = np.zeros((*free.shape[:2], 2 * size + 3, 2 * size + 3))
+    states, costates = slice(size), slice(size, 2 * size)
+    whole[..., states, states], whole[..., costates, costates] = free, -np.swapaxes(free, -1, -2)
+    whole[..., states, costates] = -by_wheels @ motion.wheels.T
+    across = motion.across + FLOOR * np.eye(3)
+    whole[..., 3:6, size + 3 : size + 6] -= by_rods @ across @ motion.unmade @ motion.inverse.T
+    whole[..., costates, states] = -np.diag(costs)
+    whole[..., 3:6, 2 * size :] = motion.inverse
+    return whole
+
+
 def _periodic_riccati(
-    hamiltonian: Matrices, size: int
+    transitions: Iterable[Matrices],
 ) -> Float[np.ndarray, "turns phases x z"] | None:
-    """The first `size` rows of P at each phase; None where they do not become periodic."""
-    onwards, whole = _products(_transitions(hamiltonian), AT_ONCE), hamiltonian.shape[-1] // 2
-    solution = np.broadcast_to(np.eye(whole), (TURNS, whole, whole))
+    """S of (x, d), its rows for x, at each phase; None where they do not become periodic.
+
+    `transitions` of (x, λ, d) are those of some steps each, phase by phase.
+    """
+    onwards = np.concatenate(list(transitions), axis=1)
+    size = (onwards.shape[-1] - 3) // 2
+    costates = slice(size, 2 * size)
+    upper, lower = onwards[..., :size, :], onwards[..., costates, :]
+    solution = np.broadcast_to(np.eye(size, size + 3), (TURNS, size, size + 3))
     for _ in range(MOST_ORBITS):
         before, rows = solution, []
         for place in reversed(range(onwards.shape[1])):
-            upper, lower = onwards[:, place, :whole], onwards[:, place, whole:]
-            left = lower[..., whole:] - solution @ upper[..., whole:]
+            later = solution[..., :size] @ upper[:, place] - lower[:, place]
+            right = np.delete(later, costates, axis=-1)
+            right[..., size:] += solution[..., size:]
             try:
-                solution = np.linalg.solve(left, solution @ upper[..., :whole] - lower[..., :whole])
+                solution = np.linalg.solve(-later[..., costates], right)
             except np.linalg.LinAlgError:
                 return None
-            solution = (solution + np.swapaxes(solution, 1, 2)) / 2
+            solution[..., :size] += np.swapaxes(solution[..., :size], 1, 2).copy()
+            solution[..., :size] /= 2
             rows.append(solution)
-        change = np.abs(solution[:, :size] - before[:, :size]).max()
-        largest = np.abs(solution[:, :size]).max()
+        change, largest = np.abs(solution - before).max(), np.abs(solution).max()
         if not np.isfinite(largest):
             return None
         if change <= SETTLED * largest:
-            return np.stack(rows[::-1], axis=1)[:, :: STEPS // AT_ONCE, :size]
+            return np.stack(rows[::-1], axis=1)[:, :: STEPS // AT_ONCE]
     return None
-
-
-def _hamiltonian(state: Matrices, into: Matrices, cost: Matrices) -> Matrices:
-    """Hamiltonian matrix of the state and of P times the state."""
-    count = state.shape[-1]
-    whole = np.zeros((*into.shape[:-2], 2 * count, 2 * count))
-    whole[..., :count, :count], whole[..., count:, count:] = state, -np.swapaxes(state, -1, -2)
-    whole[..., :count, count:], whole[..., count:, :count] = -into, -cost
-    return whole
 
 
 def _units(motion: LinearMotion) -> Float[np.ndarray, " z"]:
@@ -301,15 +325,14 @@ def _cross(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
 
 
 def _transitions(matrices: Matrices) -> Matrices:
-    """State transitions of dX/dτ = F X in each step of an orbit: e^Ω, Ω by Magnus to the fourth
-    order.
+    """State transitions of dX/dτ = F X in successive steps: e^Ω, Ω by Magnus to the fourth order.
 
     For fast motion, such as nutation about the momentum of wheels, they preserve the size (Blanes,
     Casas, Oteo and Ros, Physics Reports 470, 2009). The series of e^Ω to the ninth order applies to
     a part of Ω with a norm below one half, and is squared.
     """
     begin, middle, end = matrices[:, :-2:2], matrices[:, 1:-1:2], matrices[:, 2::2]
-    step = 2 * np.pi / begin.shape[1]
+    step = 2 * np.pi / (PHASES * STEPS)
     change = step / 6 * (begin + 4 * middle + end)
     change -= step**2 / 12 * (begin @ end - end @ begin)
     halvings = max(0, int(np.ceil(np.log2(2 * np.abs(change).sum(axis=-1).max()))))
