@@ -229,26 +229,29 @@ def uses(step: Step) -> Iterable[int]:
     return _uses_inside(step)
 
 
-def _uses_inside(step: "Loop | BlockSwitch") -> Iterator[int]:
+def _uses_inside(step: "Loop | BlockSwitch") -> set[int]:
     match step:
         case BlockSwitch():
-            yield from numbers_of([step.index])
+            used = set(numbers_of([step.index]))
             for block, results in zip(step.blocks, step.yields, strict=True):
-                yield from _uses_in(block, results)
+                used |= _uses_in(block, results)
+            return used
         case Loop():
-            yield from numbers_of(step.before)
-            own = {param.number for param in step.params}
-            for block, results in ((step.condition, [step.active]), (step.body, step.after)):
-                inner = own | {out.number for s in step.condition.steps for out in definitions(s)}
-                yield from (n for n in _uses_in(block, results) if n not in inner)
+            used = _uses_in(step.condition, [step.active]) | _uses_in(step.body, step.after)
+            used.difference_update(param.number for param in step.params)
+            used.difference_update(_defined_in(step.condition))
+            return used.union(numbers_of(step.before))
 
 
-def _uses_in(block: Block, results: Iterable[Scalar]) -> Iterator[int]:
-    own: set[int] = set()
+def _uses_in(block: Block, results: Iterable[Scalar]) -> set[int]:
+    used = set(numbers_of(results))
     for step in block.steps:
-        yield from (number for number in uses(step) if number not in own)
-        own.update(out.number for out in definitions(step))
-    yield from (number for number in numbers_of(results) if number not in own)
+        used.update(uses(step))
+    return used.difference(_defined_in(block))
+
+
+def _defined_in(block: Block) -> Iterator[int]:
+    return (out.number for step in block.steps for out in definitions(step))
 
 
 def reads(block: Block) -> Iterator[int]:

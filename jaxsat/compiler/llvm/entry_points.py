@@ -40,7 +40,7 @@ from jaxsat.compiler.llvm.locations import (
     rematerialise,
 )
 from jaxsat.compiler.lowering import bugs_in
-from jaxsat.compiler.passes.dead_code import DeadCodeElimination, dependencies
+from jaxsat.compiler.passes.dead_code import DeadCodeElimination, dependencies, reachable
 from jaxsat.compiler.passes.scheduling import merge_cold_branches, move_invariants, schedule
 
 
@@ -52,17 +52,21 @@ class EntryPoint:
     inputs: list[Location]
     outputs: list[Location]
 
-    def needs(self) -> dict[Location, frozenset[Location]]:
-        """By the location of every result, the inputs in the state that it needs, by location."""
-        pairs = zip(self.function.params, self.inputs, strict=True)
-        moving = [(param, place) for param, place in pairs if isinstance(place, Slot)]
-        numbers = dependencies(replace(self.function, params=[param for param, _ in moving]))
-        inputs = {some: frozenset(moving[i][1] for i in some) for some in set(numbers)}
-        return {place: inputs[some] for place, some in zip(self.outputs, numbers, strict=True)}
+    def with_needed_results(self, locations: Container[Location]) -> "EntryPoint":
+        """Without results that only they themselves need when it is called again and again.
 
-    def with_outputs(self, outputs: Container[Location]) -> "EntryPoint":
-        """With no results but those in these locations."""
-        keep = [location in outputs for location in self.outputs]
+        Those in `locations` are needed, and those in the locations of parameters that they need.
+        """
+        pairs = list(zip(self.function.results, self.outputs, strict=True))
+        new = {place: ir.numbers_of([result]) for result, place in pairs}
+        needs = dependencies(self.function.block)
+        params = list(zip(self.function.params, self.inputs, strict=True))
+        for param, place in params:
+            needs[param.number] += new.get(place, [])
+        wanted = [result for result, place in pairs if place in locations]
+        live = reachable(needs, ir.numbers_of(wanted))
+        again = {place for param, place in params if param.number in live}
+        keep = [place in locations or place in again for place in self.outputs]
         results = list(compress(self.function.results, keep))
         return EntryPoint(
             replace(self.function, results=results), self.inputs, list(compress(self.outputs, keep))

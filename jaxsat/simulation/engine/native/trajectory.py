@@ -4,7 +4,7 @@ Numbers that are equal in all cases stay uniform from one entry point to the nex
 at lowering stay constants.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -104,11 +104,14 @@ def lower_trajectory(
         locations["going"], going = where, slot.offset
     inputs = [*sources, *of_program]
     later = {name: _later(name, jaxprs[name], inputs, where) for name, where in locations.items()}
-    later[onwards] = _with_needed_results(later.pop(onwards), later.values())
+    advance = later.pop(onwards)
+    others = [entry.optimised() for entry in later.values()]
+    needed = {place for entry in others for place in entry.inputs}
+    advance = advance.with_needed_results(needed).optimised()
     trees = {"cases": case, "numbers": jax.tree.leaves(numbers), "gains": gains}
     arguments = Arguments.of(trees, jaxprs["begin"].in_avals, "cases")
     return LoweredTrajectory(
-        [begin, *(entry.optimised() for entry in later.values())],
+        [begin, *others, advance],
         state.size,
         arguments,
         outputs,
@@ -230,16 +233,3 @@ def _arrays_outside(
             if location.array == number and location.element == len(values):
                 values.append(param)
     return arrays
-
-
-def _with_needed_results(onwards: EntryPoint, others: Iterable[EntryPoint]) -> EntryPoint:
-    """The entry point without results that ultimately only they themselves need.
-
-    The dense output of unobserved states is an example.
-    """
-    needs, live = onwards.needs(), set[Location]()
-    more = live.union(*(some for entry in others for some in entry.needs().values()))
-    while more:
-        live |= more
-        more = live.union(*(needs.get(location, ()) for location in more)) - live
-    return onwards.with_outputs(live)
