@@ -1,6 +1,6 @@
-"""A traced function becomes a scalar program, and that machine code or C.
+"""Compiler of traced functions: to a scalar program, and from that to machine code or C.
 
-It knows no spacecraft. `Mapped` is any function of `jax.numpy` as vector code.
+It is independent of spacecraft. `Mapped` is any function of `jax.numpy` as vector code.
 """
 
 from jaxsat.compiler.llvm.mapped import Mapped

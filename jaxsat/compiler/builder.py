@@ -1,6 +1,6 @@
-"""Makes programs, one operation after the other: folds constants, shares equal operations.
+"""Builder of programs, operation by operation: folds constants, shares equal operations.
 
-The rules that lower primitives are written against this class alone.
+The rules that lower primitives use this class alone.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +18,7 @@ from jaxsat.compiler.trace import Frame, Trace
 
 
 class Builder:
-    """Appends to one block; `mask` (a varying bool or None) tells which lanes really need it."""
+    """Appends to one block; `mask` (a varying bool or None) marks the lanes that need the block."""
 
     def __init__(self, like: "Builder | None" = None):
         """Begin a program, or a function that the program of the builder `like` calls."""
@@ -46,7 +46,7 @@ class Builder:
         self.written = 0  # operations so far
 
     def operation(self, name: str, *args: ir.Scalar, dtype: np.dtype | None = None) -> ir.Scalar:
-        """One arithmetic operation; `dtype` is the result's where the operands do not tell it."""
+        """Append an arithmetic operation; `dtype` is the result's where operands leave it open."""
         if dtype is None:
             compares = name == "any" or (name in OPERATIONS and OPERATIONS[name].compares)
             dtype = BOOL if compares else args[-1].dtype
@@ -88,7 +88,7 @@ class Builder:
         return value
 
     def _with_sign_outside(self, name: str, args: Sequence[ir.Scalar]) -> ir.Scalar | None:
-        """The same value with a negation taken in or handed on, or None; equal in all bits."""
+        """Return an equal value, in all bits, with a negation absorbed or passed on, or None."""
         inner = [self._negated.get(x.number) if isinstance(x, ir.Value) else None for x in args]
         if not any(x is not None for x in inner):
             return None
@@ -107,23 +107,23 @@ class Builder:
         return None
 
     def select(self, predicate: ir.Scalar, yes: ir.Scalar, no: ir.Scalar) -> ir.Scalar:
-        """`yes` where the predicate holds, else `no`."""
+        """Return `yes` where the predicate holds, else `no`."""
         return self.operation("select", predicate, yes, no)
 
     def convert(self, x: ir.Scalar, dtype: np.dtype) -> ir.Scalar:
-        """`x` as a number of another type."""
+        """Return `x` as a number of another type."""
         return x if x.dtype == dtype else self.operation("convert", x, dtype=dtype)
 
     def any(self, predicate: ir.Scalar) -> ir.Scalar:
-        """Whether a predicate holds in any lane."""
+        """Return whether a predicate holds in any lane."""
         return predicate if ir.is_uniform(predicate) else self.operation("any", predicate)
 
     def negation(self, predicate: ir.Scalar) -> ir.Scalar:
-        """The opposite of a predicate."""
+        """Return the negation of a predicate."""
         return self.operation("xor", predicate, np.True_)
 
     def load(self, memory: ir.Memory, index: ir.Scalar) -> ir.Scalar:
-        """An element of a memory that is not written any more."""
+        """Load an element of a memory after its last write."""
         key = ("load", memory.number, identity(index))
         value = self.block.find(key)
         if value is None:
@@ -134,17 +134,17 @@ class Builder:
         return value
 
     def store(self, memory: ir.Memory, index: ir.Scalar, value: ir.Scalar) -> None:
-        """Put a value at an element of a memory."""
+        """Store a value at an element of a memory."""
         self.block.steps.append(ir.Store(memory, index, value))
         self.written += 1
 
     def at(self, frames: tuple[Frame, ...]):
-        """While inside, values come from there in the source, if that is kept."""
+        """Within this context, values have these source frames, if a trace is kept."""
         return nullcontext() if self.trace is None else self.trace.at(frames)
 
     @contextmanager
     def inside(self, block: ir.Block, mask: ir.Scalar | None):
-        """Append to another block while lanes outside `mask` do not matter."""
+        """Within this context, append to another block; lanes outside `mask` do not matter."""
         before = self.block, self.mask
         self.block, self.mask = block, mask
         try:
@@ -160,9 +160,9 @@ class Builder:
         body: Callable[[list[ir.Scalar]], list[ir.Scalar]],
         varying: bool,
     ) -> list[ir.Scalar]:
-        """A loop over scalars of which `uniform` says what they stay, with a `varying` condition.
+        """Append a loop of scalars that are `uniform` or not, with a `varying` condition or not.
 
-        Raises `AssertionError` where the body makes a uniform one varying.
+        Raises `AssertionError` where the body makes a uniform scalar varying.
         """
         params = [ir.Value(x.dtype, u) for x, u in zip(before, uniform, strict=True)]
         written = self.written
@@ -202,7 +202,7 @@ class Builder:
     def switch(
         self, index: ir.Scalar, branches: Sequence[Callable[[], list[ir.Scalar]]]
     ) -> list[ir.Scalar]:
-        """The results of the branch whose number is `index`, which is in range."""
+        """Return the results of the branch number `index`, which is in range."""
         if not isinstance(index, ir.Value):
             return branches[int(index)]()
         masks = None
@@ -223,7 +223,7 @@ class Builder:
     def cold_branch(
         self, predicate: ir.Scalar, cold: Callable[[], ir.Scalar], hot: ir.Scalar
     ) -> ir.Scalar:
-        """`cold` where the predicate holds, which is jumped over unless it does in some lane."""
+        """Return `cold` where the predicate holds; skip the branch if it holds in no lane."""
         if self.mask is not None:
             predicate = self.operation("and", predicate, self.mask)
         if not isinstance(predicate, ir.Value):
@@ -243,7 +243,7 @@ class Builder:
         out: tuple[tuple[int, ...], np.dtype],
         axes: tuple[int, int] = (0, 0),
     ) -> list[ir.Scalar]:
-        """A call of an operation on arrays that is written as a loop (see `Source`)."""
+        """Call an operation on arrays that is written as a loop (see `Source`)."""
         shape, dtype = out
         key = (kind, *shapes, shape, args[0].dtype.char, dtype.char, axes)
         if key not in self.variants:
@@ -258,7 +258,7 @@ class Builder:
         return outs
 
     def call(self, function: ir.Function, args: Sequence[ir.Scalar]) -> list[ir.Scalar]:
-        """The results of a function for these arguments."""
+        """Return the results of a function for these arguments."""
         key = ("call", function.name, *map(identity, args))
         cached = self.block.find(key)
         if cached is not None:
@@ -270,7 +270,7 @@ class Builder:
         return list(outs)
 
     def cut(self, jaxpr: Any) -> Any:
-        """A program as it is to be lowered: cut into functions where these are called."""
+        """Return a program as it is lowered: cut into functions where a cutter is set."""
         if self.cutter is None:
             return jaxpr
         program, outline = self.cutter(jaxpr)
@@ -292,7 +292,7 @@ class Builder:
         return list(outs)
 
     def _everywhere(self, index, masks, blocks, yields) -> list[ir.Scalar]:
-        """Cheap branches in all lanes, others where any lane needs them; each lane gets its own."""
+        """Run cheap branches in all lanes, others where a lane needs them."""
         whole = are_cheap(blocks)
         chosen: list[ir.Scalar] | None = None
         dear = []

@@ -1,4 +1,4 @@
-"""Programs run step by step in NumPy: slow, and the reference for the machine code.
+"""Interpreter of programs in NumPy: slow, and the reference for machine code.
 
 A varying value is an array over the lanes, a uniform one a NumPy scalar.
 """
@@ -13,7 +13,7 @@ from jaxsat.compiler.operations import evaluate
 
 
 def interpret(function: ir.Function, args: Sequence[np.ndarray | np.generic]) -> list[np.ndarray]:
-    """The results of a function for these arguments."""
+    """Return the results of a function for these arguments."""
     lanes = max((np.size(arg) for arg in args), default=1)
     run = _Run(lanes)
     for param, arg in zip(function.params, args, strict=True):
@@ -23,7 +23,7 @@ def interpret(function: ir.Function, args: Sequence[np.ndarray | np.generic]) ->
 
 
 class _Run:
-    """One run of a function: the values and memories that are known so far, by their numbers."""
+    """One run of a function: values and memories so far, by number."""
 
     def __init__(self, lanes: int):
         self.lanes = lanes

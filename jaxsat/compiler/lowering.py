@@ -1,7 +1,7 @@
-"""From a jaxpr to a program of scalars: one rule a primitive, found in a table by its name.
+"""Lowering of a jaxpr to a program of scalars: one rule per primitive, by name.
 
-An array of the jaxpr is a NumPy object array of constants and values. A rule is a function
-`rule(b, eqn, *arrays)` that computes the equation's results with the builder `b`; see
+An array of the jaxpr is a NumPy object array of constants and values. A rule is a function `rule(b,
+eqn, *arrays)` that computes the equation's results with the builder `b`; see
 `jaxsat.compiler.rules`.
 """
 
@@ -32,25 +32,25 @@ else:
 Rule = Callable[..., "Elements | Sequence[Elements]"]
 
 REPEATED, LONG = 3, 400
-"""A function called so often and of so many equations is made once, not written out."""
+"""Calls and equations from which a function is lowered once, not inlined."""
 
 LONGEST = 20_000
-"""Operations that one equation may become: LLVM takes minutes over more."""
+"""Largest number of operations of one equation: LLVM takes minutes over more."""
 
 LONG_SUM = 5
-"""Terms of a sum that is a loop in a compact program."""
+"""Number of terms from which a sum is a loop in a compact program."""
 
 RULES: dict[str, Rule] = {}
 
 KINDS = "fiub"
-"""Floats, signed and unsigned whole numbers, bools."""
+"""Kinds of numbers: floats, signed and unsigned integers, bools."""
 
 KEYS = np.dtype(np.uint64)
-"""A typed random key is one number: its first word above its second one."""
+"""Type of a typed random key as one number: its first word above its second one."""
 
 
 class CannotLower(JaxsatError):
-    """A program holds what the compiled engine does not know; the message says what and where."""
+    """A program has an operation that the compiler does not support; the message names it."""
 
     def __init__(self, what: str, place: str = ""):
         super().__init__(f"{what} ({place})" if place else what)
@@ -59,7 +59,7 @@ class CannotLower(JaxsatError):
 
 @contextmanager
 def bugs_in(what: str) -> Iterator[None]:
-    """Raise `NativeBug` for whatever goes wrong inside, but for `CannotLower`."""
+    """Raise `NativeBug` for any exception inside but `CannotLower`."""
     try:
         yield
     except (CannotLower, NativeBug):
@@ -69,7 +69,7 @@ def bugs_in(what: str) -> Iterator[None]:
 
 
 def lowers(*names: str) -> Callable[[Rule], Rule]:
-    """Make a function the rule of these primitives."""
+    """Register a function as the rule of these primitives."""
 
     def register(rule: Rule) -> Rule:
         for name in names:
@@ -80,7 +80,7 @@ def lowers(*names: str) -> Callable[[Rule], Rule]:
 
 
 def lower(b: Builder, jaxpr: Jaxpr, arrays: Sequence[Elements]) -> list[Elements]:
-    """The outputs of a jaxpr for these inputs."""
+    """Return the outputs of a jaxpr for these inputs."""
     environment = {variable: as_elements(value) for variable, value in jaxpr.constants}
     environment.update(zip(jaxpr.inputs, arrays, strict=True))
 
@@ -98,7 +98,7 @@ def lower(b: Builder, jaxpr: Jaxpr, arrays: Sequence[Elements]) -> list[Elements
 
 
 def note_repeated(b: Builder, jaxpr: Jaxpr) -> None:
-    """Tell the builder which long functions are called several times."""
+    """Note long functions that are called several times."""
     bodies = [eqn.parameters["body"] for eqn in jaxpr.equations if eqn.is_call]
     for inner, times in Counter(map(id, bodies)).items():
         body = next(one for one in bodies if id(one) == inner)
@@ -107,7 +107,7 @@ def note_repeated(b: Builder, jaxpr: Jaxpr) -> None:
 
 
 def note_pairs(b: Builder, jaxpr: Jaxpr) -> None:
-    """Tell the builder of which variables both sine and cosine are needed: they share much."""
+    """Note variables of which both sine and cosine are needed: they share much."""
     sin, cos = (
         {
             eqn.inputs[0]
@@ -120,7 +120,7 @@ def note_pairs(b: Builder, jaxpr: Jaxpr) -> None:
 
 
 def equations(jaxpr: Jaxpr) -> int:
-    """How many equations a jaxpr has, those of the jaxprs inside it included."""
+    """Return the number of equations of a jaxpr, with those of inner jaxprs."""
     count = 0
     for eqn in jaxpr.equations:
         repeated = eqn.parameters.get("length", 1) if eqn.name == "scan" else 1
@@ -163,9 +163,9 @@ def _apply(b: Builder, eqn: Equation, arrays: list[Elements]) -> Sequence[Elemen
 def written(
     b: Builder, function: Callable, examples: Sequence[Any], *arrays: Elements
 ) -> list[Elements]:
-    """The outputs of a function in plain `jax.numpy`, in the place of a primitive.
+    """Lower a function in plain `jax.numpy` in place of a primitive.
 
-    `examples` have the inputs' shapes and types, if only those of their `aval`.
+    `examples` have the inputs' shapes and types, or an `aval` with them.
     """
     avals = [getattr(example, "aval", example) for example in examples]
     kinds = [jax.ShapeDtypeStruct(aval.shape, aval.dtype) for aval in avals]
@@ -176,7 +176,7 @@ def written(
 
 
 def _is_call(eqn: Equation) -> bool:
-    """Whether what failed in an equation is an equation inside it."""
+    """Whether an equation contains equations, so that an inner one has failed."""
     return "body" in eqn.parameters or "branches" in eqn.parameters
 
 
@@ -186,7 +186,7 @@ def _where(eqn: Equation) -> str:
 
 @once
 def number_type(dtype: Any) -> np.dtype:
-    """The type of the numbers that an array of this type is lowered to."""
+    """Return the type of numbers to which an array of this type is lowered."""
     if jnp.issubdtype(dtype, jax.dtypes.prng_key):
         name = dtype.name.removeprefix("key<").removesuffix(">")
         if name != "fry":
@@ -201,7 +201,7 @@ def number_type(dtype: Any) -> np.dtype:
 
 
 def numbers_in(array: Any, dtype: Any = None) -> np.ndarray:
-    """An array as one of numbers: typed random keys as one number each."""
+    """Return an array of numbers: typed random keys become one number each."""
     if jnp.issubdtype(getattr(array, "dtype", dtype), jax.dtypes.prng_key):
         number_type(array.dtype)
         words = np.asarray(jax.random.key_data(array)).astype(KEYS)
@@ -212,7 +212,7 @@ def numbers_in(array: Any, dtype: Any = None) -> np.ndarray:
 
 
 def as_elements(array, dtype=None) -> Elements:
-    """A known array as an object array of NumPy scalars."""
+    """Return a constant array as an object array of NumPy scalars."""
     array = numbers_in(array, dtype)
     out = np.empty(array.shape, object)
     for index in np.ndindex(array.shape):
@@ -221,7 +221,7 @@ def as_elements(array, dtype=None) -> Elements:
 
 
 def each(function: Callable[..., Scalar], *arrays: Elements) -> Elements:
-    """A function of scalars applied to arrays element by element, broadcast to one shape."""
+    """Apply a function of scalars element by element to arrays broadcast to one shape."""
     together = list(np.broadcast_arrays(*arrays)) if len(arrays) > 1 else list(arrays)
     shape, size = together[0].shape, together[0].size
     flats = [list(x.flat) for x in together]
@@ -232,19 +232,19 @@ def each(function: Callable[..., Scalar], *arrays: Elements) -> Elements:
 
 
 def filled(shape: tuple[int, ...], scalar: Scalar) -> Elements:
-    """An array of one scalar."""
+    """Return an array filled with one scalar."""
     out = np.empty(shape, object)
     out.fill(scalar)  # out[...] = scalar would turn NumPy's scalars into Python's
     return out
 
 
 def scalars_of(arrays: Sequence[Elements]) -> list[Scalar]:
-    """All elements of arrays, one array after the other."""
+    """Return all elements of arrays, one array after the other."""
     return [scalar for array in arrays for scalar in array.flat]
 
 
 def arrays_of(scalars: Sequence[Scalar], shapes: Sequence[tuple[int, ...]]) -> list[Elements]:
-    """The inverse of `scalars_of` for arrays of these shapes."""
+    """Invert `scalars_of` for arrays of these shapes."""
     arrays, begin = [], 0
     for shape in shapes:
         size = int(np.prod(shape))
@@ -256,7 +256,7 @@ def arrays_of(scalars: Sequence[Scalar], shapes: Sequence[tuple[int, ...]]) -> l
 
 
 def function_of(b: Builder, name: str, jaxpr: Jaxpr, args: Sequence[Scalar]) -> Function:
-    """A jaxpr of scalars as a function of the program, made once for each kind of arguments."""
+    """Return a jaxpr of scalars as a function, lowered once for each kind of arguments."""
     kinds = tuple((arg.dtype.char, is_uniform(arg)) for arg in args)
     key = (name, kinds)
     if key not in b.functions:

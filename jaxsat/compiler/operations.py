@@ -1,7 +1,7 @@
-"""The arithmetic that programs are made of: what each operation is in NumPy and in LLVM.
+"""Arithmetic operations of programs, with their functions in NumPy and LLVM.
 
-`OPERATIONS` is the one table from which constants are folded, the interpreter runs and LLVM code
-is printed. Operands have one type except where a comment says otherwise.
+Constant folding, the interpreter and the LLVM printer use the one table `OPERATIONS`. Operands have
+one type except where a comment says otherwise.
 """
 
 from collections.abc import Callable
@@ -16,8 +16,8 @@ BOOL, INT = np.dtype(bool), np.dtype(np.int32)
 class Arithmetic:
     """NumPy's function, and LLVM's words for floats, signed and unsigned (or bool) operands.
 
-    A word that begins with "llvm." is an intrinsic function. `compares` says that the result is
-    a bool.
+    A word that begins with "llvm." is an intrinsic function. `compares` says that the result is a
+    bool.
     """
 
     numpy: Callable
@@ -27,14 +27,14 @@ class Arithmetic:
     compares: bool = False
 
     def word(self, dtype: np.dtype) -> str | None:
-        """LLVM's word for operands of this type."""
+        """Return LLVM's word for operands of this type."""
         if dtype.kind == "f":
             return self.floating
         return self.signed if dtype.kind == "i" else self.unsigned
 
 
 def converted(x, dtype: np.dtype):
-    """`x` as another type; floats beyond an integer type's range go to its end, NaN to zero."""
+    """Convert `x` to a type; floats saturate at an integer type's range, NaN becomes zero."""
     x = np.asarray(x)
     if x.dtype.kind == "f" and dtype.kind in "iu":
         info = np.iinfo(dtype)
@@ -113,12 +113,12 @@ OPERATIONS: dict[str, Arithmetic] = {
     "copysign": Arithmetic(np.copysign, "llvm.copysign"),
     "population_count": Arithmetic(_count_ones, None, "llvm.ctpop", "llvm.ctpop"),
 }
-"""Besides these: `select` (a bool, then two of one type), `convert` and `bitcast` (to the result's
-type), and `any` (a varying bool to a uniform one)."""
+"""Further operations: `select` (a bool, then two of one type), `convert` and `bitcast` (to the
+result's type), and `any` (a varying bool to a uniform one)."""
 
 
 def evaluate(name: str, args: tuple, dtype: np.dtype):
-    """What an operation gives for NumPy scalars or arrays of lanes; `dtype` is the result's."""
+    """Evaluate an operation on NumPy scalars or arrays of lanes; `dtype` is the result's."""
     with np.errstate(all="ignore"):
         match name:
             case "select":

@@ -1,7 +1,7 @@
-"""Any function of `jax.numpy` as a program of scalars, for printers of other languages than LLVM.
+"""Programs of scalars of any function of `jax.numpy`, for printers other than LLVM's.
 
-One case at a time: every value is uniform, branches are taken or not, and elementary functions are
-called, not written out. Values know where in the source they come from.
+There is one case: every value is uniform, branches are taken or not, and elementary functions are
+called, not inlined. Values have source frames.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,9 +25,9 @@ del rules  # imported for the table it fills
 
 @dataclass(frozen=True)
 class ScalarProgram:
-    """A function's operations, one parameter and one result for each element of its arrays.
+    """Operations of a function, with one parameter and one result for each element of its arrays.
 
-    `trace` tells of values where in the source they come from, and of which arrays they are.
+    `trace` has the source frames of values, and the arrays that they belong to.
     """
 
     jaxpr: Jaxpr
@@ -37,9 +37,9 @@ class ScalarProgram:
 
 
 def scalar_program(name: str, function: Callable, examples: Sequence[PyTree]) -> ScalarProgram:
-    """The program of a function of trees like these; `outputs` has the shapes of its results.
+    """Return the program of a function of trees like these; `outputs` has its results' shapes.
 
-    Raises `CannotLower` for what has no rule.
+    Raises `CannotLower` for an operation without rule.
     """
     jaxpr, outputs = jaxpr_and_shapes(function, *examples)
     params: list[Value] = []

@@ -1,4 +1,4 @@
-"""What is known of a program's values beside the program: where they come from in the source."""
+"""Trace of a program's values: their source frames, arrays and names."""
 
 import os
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from jaxsat.core.jaxprs import Equation
 
 @dataclass(frozen=True)
 class Frame:
-    """A function of the source that was being traced, and the line in it."""
+    """A function of the traced source, and the line in it."""
 
     function: str
     file: str
@@ -24,7 +24,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Element:
-    """Which element of which array a value was first; `array` is a number, with its place."""
+    """Element of the array to which a value first belonged; `array` is a number, with its place."""
 
     array: int
     shape: tuple[int, ...]
@@ -34,11 +34,11 @@ class Element:
 
 @dataclass
 class Trace:
-    """What is known of values beside their program, by their numbers.
+    """Trace of values by their numbers.
 
-    `places` are the calls of the source that a value comes from, from the outermost; `calls` those
-    of equations, by identity, that are calls put back into a program. `names` are those of values
-    that functions give and take.
+    `places` are the source calls of a value, the outermost first; `calls` those of equations, by
+    identity, that are calls put back into a program. `names` are names of functions' arguments and
+    results.
     """
 
     places: dict[int, tuple[Frame, ...]] = field(default_factory=dict)
@@ -49,7 +49,7 @@ class Trace:
 
     @contextmanager
     def at(self, frames: tuple[Frame, ...]):
-        """While inside, values come from there."""
+        """Within this context, values have these source frames."""
         before, self.now = self.now, frames
         try:
             yield
@@ -58,7 +58,7 @@ class Trace:
 
 
 def note_elements(trace: Trace, arrays: Sequence[Any]) -> None:
-    """Keep of which arrays (object arrays of scalars) values are the elements."""
+    """Note the elements of arrays (object arrays of scalars)."""
     for array in arrays:
         if array.size < 2:
             continue
@@ -71,10 +71,10 @@ def note_elements(trace: Trace, arrays: Sequence[Any]) -> None:
 
 
 def frames_of(eqn: Equation, trace: Trace) -> tuple[Frame, ...]:
-    """The calls of the source that an equation comes from, from the outermost.
+    """Return the source calls of an equation, the outermost first.
 
-    A compiled function keeps the places of its first trace: those inside it go after its call. The
-    inside of one that is JAX's own is the place of its call.
+    A compiled function keeps the places of its first trace: the inner ones follow its call. Inside
+    a function of JAX the place is that of its call.
     """
     if id(eqn) in trace.calls:
         return trace.calls[id(eqn)]

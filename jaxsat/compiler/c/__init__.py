@@ -1,1 +1,1 @@
-"""A scalar program as C."""
+"""Printer of a scalar program as C."""

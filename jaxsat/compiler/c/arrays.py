@@ -1,4 +1,4 @@
-"""Arrays of C in place of many scalars: what functions are given and give back, and memory."""
+"""Arrays of C in place of many scalars: arguments, results and memory."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -19,7 +19,7 @@ CONSTANT = ("p", "in", "now")
 
 
 class Arrays:
-    """The arrays of one C function."""
+    """Arrays of one C function."""
 
     def __init__(self, unit: AbstractUnit, body: Body):
         self._unit, self._body = unit, body
@@ -28,7 +28,7 @@ class Arrays:
         self._constant = {one.text.split("[")[0] for one in body.expressions.values()}
 
     def memory(self, memory: ir.Memory) -> str:
-        """The name of an array that is indexed."""
+        """Return the name of an indexed array."""
         if memory.elements:
             return self.argument(memory.elements, (memory.size,)).text
         if memory.initial is not None:
@@ -40,7 +40,7 @@ class Arrays:
         return self._memories[memory.number]
 
     def declare(self, blocks: Iterable[ir.Block]) -> None:
-        """Arrays that blocks inside use are there before them."""
+        """Declare the arrays of inner blocks before these."""
         for block in blocks:
             for step in block.steps:
                 match step:
@@ -50,7 +50,7 @@ class Arrays:
                         self.declare(ir.blocks_in(step))
 
     def argument(self, array: Sequence[ir.Scalar], shape: tuple[int, ...]) -> Expression:
-        """A number, or an array of C with these elements."""
+        """Return a number, or an array of C with these elements."""
         if not shape:
             return self._body.operands(array)[0]
         if not any(isinstance(x, ir.Value) for x in array):
@@ -75,7 +75,7 @@ class Arrays:
     def receiver(
         self, array: Sequence[ir.Value], shape: tuple[int, ...], after: list[tuple[str, str]]
     ) -> Expression:
-        """Where a function writes an array of results; `after` it some are copied elsewhere."""
+        """Return the target of an array of results; `after` the call some are copied elsewhere."""
         body = self._body
         if not shape:
             return Expression(f"&{body.place(array[0])}".replace("&*", ""))
@@ -100,7 +100,7 @@ class Arrays:
         base: str,
         after: list[tuple[str, str]],
     ) -> None:
-        """Take an array of results from a record; `after` it some are copied elsewhere."""
+        """Take an array of results from a record; `after` the call some are copied elsewhere."""
         body = self._body
         body.shapes[base] = shape
         for index, out in zip(np.ndindex(shape), array, strict=True):
@@ -111,7 +111,7 @@ class Arrays:
             body.expressions[out.number] = Expression(text or place)
 
     def _gather(self, array: Sequence[ir.Scalar], shape: tuple[int, ...]) -> str:
-        """The name of a new array of these elements; equal ones of a block are one."""
+        """Return the name of a new array of these elements; equal ones of a block are shared."""
         numbers = braced([self._body.operand(x).text for x in array], shape)
         key = (self._body.scope, numbers)
         if key not in self._gathered:
@@ -122,7 +122,7 @@ class Arrays:
         return self._gathered[key]
 
     def _complete(self, array: Sequence[ir.Scalar], shape: tuple[int, ...]) -> None:
-        """Put what is no element of an array of C yet, but should be, into one."""
+        """Put elements that should belong to an array of C, and do not yet, into it."""
         trace = self._body.trace
         elements = [element_of(trace, x) if isinstance(x, ir.Value) else None for x in array]
         first = elements[0]

@@ -1,7 +1,7 @@
-"""The body of a C function: its lines, and the expressions that its values have there.
+"""Body of a C function: its lines, and the expressions of its values.
 
-A value that is needed once goes into the expression that needs it, as long as that fits a line; any
-other gets a name, that of the Python variable that it is computed for. `Uses` counts.
+A value that is used once is inlined as long as that fits a line; any other gets a name, that of the
+Python variable for which it is computed. `Uses` counts.
 """
 
 from collections import Counter
@@ -16,13 +16,13 @@ from jaxsat.compiler.c.tidying import WIDTH, in_lines, tidied
 from jaxsat.compiler.trace import Trace
 
 LINE = 100
-"""Characters of a line at most."""
+"""Largest number of characters in a line."""
 
 
 class Uses:
-    """The uses of every value of a block, those in blocks inside it included.
+    """Uses of every value of a block, with those in inner blocks.
 
-    `makers` are the operations that make values, by the number of the value.
+    `makers` are the operations that define values, by the value's number.
     """
 
     def __init__(self, block: ir.Block, results: Iterable[ir.Scalar]):
@@ -32,7 +32,7 @@ class Uses:
         self._block(block, results)
 
     def is_once(self, value: ir.Value) -> bool:
-        """Whether a value is used once, in the block that makes it."""
+        """Whether a value is used once, in the block that defines it."""
         return self._count[value.number] == 1 and value.number not in self._elsewhere
 
     def _block(self, block: ir.Block, results: Iterable[ir.Scalar]) -> None:
@@ -62,7 +62,7 @@ class Uses:
 
 
 def _read_by(step: ir.Step) -> Sequence[ir.Scalar]:
-    """The scalars that a step itself reads, without those of its blocks."""
+    """Return the scalars that a step itself reads, without its blocks."""
     match step:
         case ir.Operation(args=args) | ir.Call(args=args):
             return args
@@ -77,11 +77,11 @@ def _read_by(step: ir.Step) -> Sequence[ir.Scalar]:
 
 
 class Body:
-    """The lines of one C function while they are written.
+    """Lines of one C function during printing.
 
-    `expressions` are those of values, at first of those from outside, and `places` (lvalues) those
-    of values that others read later. `scope` is the number of the block that is written,
-    `shapes` are those of all arrays by name, at first of those from outside.
+    `expressions` are those of values, at first of external ones, and `places` (lvalues) those of
+    values that others read later. `scope` is the number of the current block, `shapes` are those of
+    all arrays by name, at first of external ones.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class Body:
         self.lines.append("  " * self._depth + text)
 
     def wrapped(self, text: str) -> None:
-        """Add a statement, in as many lines as it needs."""
+        """Add a statement, wrapped to as many lines as it needs."""
         self.lines += in_lines(text, "  " * self._depth)
 
     def assign(self, place: str, expression: Expression) -> None:
@@ -127,7 +127,7 @@ class Body:
 
     @contextmanager
     def inside(self) -> Iterator[None]:
-        """While inside, lines belong to a block in the one before."""
+        """Within this context, lines belong to an inner block."""
         outer = self.scope, self._section
         self._depth += 1
         self._scopes += 1
@@ -145,7 +145,7 @@ class Body:
                 self.line(line)
 
     def text(self) -> list[str]:
-        """The lines, as few as they can be, before arrays get initialisers."""
+        """Return the lines, tidied, before arrays get initialisers."""
         single = {
             parts[0]: self._kinds[name]
             for name, parts in self._parts.items()
@@ -154,7 +154,7 @@ class Body:
         return tidied(self.lines, self._own_name, single)
 
     def operand(self, x: ir.Scalar) -> Expression:
-        """A value or constant as an expression."""
+        """Return a value or constant as an expression."""
         if not isinstance(x, ir.Value):
             return literal(x)
         if x.number in self._pending:
@@ -162,7 +162,7 @@ class Body:
         return self.expressions[x.number]
 
     def operands(self, scalars: Sequence[ir.Scalar]) -> list[Expression]:
-        """Values or constants as expressions; the longest get names if all do not fit one line."""
+        """Return scalars as expressions; the longest get names if all do not fit a line."""
         waiting = {x.number: x for x in scalars if isinstance(x, ir.Value)}
         while True:
             there = [n for n in waiting if n in self._pending]
@@ -176,23 +176,23 @@ class Body:
         return [self.operand(x) for x in scalars]
 
     def is_pending(self, value: ir.Value) -> bool:
-        """Whether the expression of a value waits for the one that needs it."""
+        """Whether the expression of a value waits for its use."""
         return value.number in self._pending
 
     def drop(self, x: ir.Scalar) -> None:
-        """Forget a value that waits and that nothing needs."""
+        """Forget an unused pending value."""
         if isinstance(x, ir.Value):
             self._pending.pop(x.number, None)
 
     def name_pending(self, is_wanted: Callable[[ir.Value], bool]) -> None:
-        """Give names to the values that wait in this block and are wanted."""
+        """Give names to the pending values of this block that are wanted."""
         waiting = [value for _, value, scope in self._pending.values() if scope == self.scope]
         for value in waiting:
             if is_wanted(value):
                 self.name(value, self._pending.pop(value.number)[0])
 
     def keep(self, out: ir.Value, expression: Expression) -> None:
-        """Keep an expression for the one who needs it, or give it a name."""
+        """Keep an expression for its use, or give it a name."""
         fits = len(expression.text) <= WIDTH
         if fits and self.uses.is_once(out) and out.number not in self.places:
             self._pending[out.number] = (expression, out, self.scope)
@@ -211,7 +211,7 @@ class Body:
         self.expressions[out.number] = Expression(place)
 
     def place(self, out: ir.Value, first: str | None = None) -> str:
-        """The variable for a value that is assigned further on."""
+        """Return the variable of a value that is assigned later."""
         place, undeclared = self.places.get(out.number), False
         if place is None:
             place, undeclared = self._local(out)
@@ -225,7 +225,7 @@ class Body:
         return place
 
     def _local(self, out: ir.Value) -> tuple[str, bool]:
-        """A variable of this function for a value, and whether it is still to be declared."""
+        """Return a local variable for a value, and whether it is still to be declared."""
         frames = self.trace.places.get(out.number, ())
         element = element_of(self.trace, out)
         if element is None:

@@ -1,4 +1,4 @@
-"""What functions of a stage see of its structures, without being given it.
+"""Fields of structures that functions of a stage access directly, not by arguments.
 
 A parameter that is the same field of parameters, input or state in all calls is read there, and a
 result that its only caller keeps in the next state or the output is written there.
@@ -16,16 +16,15 @@ from jaxsat.compiler.ir import Call, Function, Scalar, Value
 from jaxsat.compiler.trace import Trace
 
 READ = ("p->", "at->", "in->", "now->", "seen->", "attitude[")
-"""What texts of fields begin with that functions read where they are."""
+"""Prefixes of fields that functions read directly."""
 
 
 @dataclass
 class Context:
-    """Texts of a function's parameters and of its results by the values' numbers, where they are
-    fields.
+    """C expressions of a function's parameters and results that are fields, by the values' numbers.
 
-    `left` are results that must be written to fields when all is done, `results` says which arrays
-    of results are fields, and `wishes` are names for the array parameters, one each.
+    `left` are results to be written to fields at the end, `results` says which arrays of results
+    are fields, and `wishes` are names for the array parameters, one each.
     """
 
     function: Function
@@ -37,7 +36,7 @@ class Context:
 
 
 def contexts(begin: Context, trace: Trace) -> dict[int, Context]:
-    """The contexts of all functions made of Python functions, callers first, by identity.
+    """Return the contexts of all functions made of Python functions, callers first, by identity.
 
     `begin` is the context of the first one.
     """
@@ -55,7 +54,7 @@ def contexts(begin: Context, trace: Trace) -> dict[int, Context]:
 
 
 def _name_results(call: Call, trace: Trace) -> None:
-    """Call what a function gives as it does itself, if it gives several things."""
+    """Name the results of a call with several results as the function does."""
     source = call.function.source
     if source is None or source.loop or len(source.results) < 2:
         return
@@ -69,7 +68,7 @@ _T = TypeVar("_T")
 
 
 def arrays_in(scalars: Sequence[_T], shapes: Sequence[tuple[int, ...]]) -> list[list[_T]]:
-    """Scalars as lists, one for each array."""
+    """Split scalars into lists, one for each array."""
     arrays, begin = [], 0
     for shape in shapes:
         size = int(np.prod(shape))
@@ -79,12 +78,12 @@ def arrays_in(scalars: Sequence[_T], shapes: Sequence[tuple[int, ...]]) -> list[
 
 
 def squeezed(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """The shape of an array in C, where one element is a number."""
+    """Return the shape of an array in C, where one element is a number."""
     return tuple(n for n in shape if n > 1)
 
 
 def base_of(texts: Sequence[str | None], shape: tuple[int, ...]) -> str | None:
-    """The array of C whose elements these are, all of them in order, if it is one."""
+    """Return the array of C whose elements are exactly these, in order, or None."""
     if not texts or texts[0] is None:
         return None
     first = "[0]" * len(shape)
@@ -174,7 +173,7 @@ def _keep(
 
 
 def _wish(x: Scalar, trace: Trace, caller: Context) -> str:
-    """The name of what is handed over: of a field its last word."""
+    """Return the name of an argument: of a field its last word."""
     text = caller.known.get(x.number) if isinstance(x, Value) else None
     if text is not None:
         return text.split("[")[0].split("->")[-1]

@@ -1,4 +1,4 @@
-"""Long functions of C in parts, each a function that a reviewer can read.
+"""Long functions of C cut into parts of reviewable length.
 
 Statements stay in their order, so that all bits do. A function is cut where few variables are
 needed on both sides; those that several parts need are fields of a structure, its workspace.
@@ -15,13 +15,13 @@ from jaxsat.compiler.c.tidying import in_lines, with_initialisers
 from jaxsat.compiler.c.workspace import Workspace, declared
 
 COMPLEXITY, LINES = 15, 60
-"""The most of a function: cyclomatic complexity, and lines with its head and braces."""
+"""Limits of a function: cyclomatic complexity, and lines with its head and braces."""
 
 _ROOM = 50
-"""Lines of statements in a part: others are its head, and long lines that must be broken."""
+"""Lines of statements in a part; further ones are its head, and breaks of long lines."""
 
 _PART = 6
-"""As many variables on both sides of a cut are as bad as one part more."""
+"""Number of variables on both sides of a cut that weighs as much as one more part."""
 
 _SET = re.compile(r" *\*?(?:(\w+)->)?(\w+)(?:\[[^]]*\])* =")
 _WORD = re.compile(r"(?<![\w>.])[A-Za-z_]\w*")
@@ -29,9 +29,8 @@ _WORD = re.compile(r"(?<![\w>.])[A-Za-z_]\w*")
 
 @dataclass(frozen=True)
 class Text:
-    """A function of C: its head without what is in parentheses, its parameters as declared, by
-    their names, and its lines. `@` stands for its name, and `@` with a word for that of a part.
-    """
+    """A function of C: head without parentheses, declared parameters by name, and lines. `@` stands
+    for its name, and `@` with a word for that of a part."""
 
     head: str
     parameters: dict[str, str]
@@ -42,9 +41,9 @@ class Text:
 
 @dataclass(frozen=True)
 class Parts:
-    """A function in parts: what is declared before them, and they themselves, callers last.
+    """A function in parts: declarations before them, and the parts, callers last.
 
-    `wishes` are the words behind its name that what `@` with a word stands for has.
+    `wishes` are the suffixes of the names for which `@` with a word stands.
     """
 
     declarations: Sequence[str]
@@ -53,7 +52,7 @@ class Parts:
 
 
 def in_parts(function: Text, names: Names) -> Parts:
-    """A function as it is if it is short, else in parts; `names` are those that it uses."""
+    """Return a short function unchanged, others in parts; `names` are those in use."""
     block = statements(function.lines)
     head = len(in_lines(f"{function.head}({', '.join(function.parameters.values())})", ""))
     if _fits(block, 1, LINES - 2 - head):
@@ -73,7 +72,7 @@ def _is_small(function: Text) -> bool:
 
 
 def lines_of(function: Text) -> list[str]:
-    """All lines of a function."""
+    """Return all lines of a function."""
     head = f"{function.head}({', '.join(function.parameters.values()) or 'void'})"
     return [*in_lines(head, ""), "{", *with_initialisers(function.lines), "}"]
 
@@ -84,8 +83,6 @@ def _fits(block: Sequence[Statement], depth: int, room: int) -> bool:
 
 
 class _Cutter:
-    """A function while it is cut."""
-
     def __init__(self, function: Text, room: int, space: str, work: str):
         self._function, self._room, self._space, self._work = function, room, space, work
         block = statements(function.lines)
@@ -101,7 +98,6 @@ class _Cutter:
         self._main = self._cut(block, 1)
 
     def _shorten(self, block: Sequence[Statement], depth: int) -> None:
-        """Cut the blocks of long statements."""
         for one in block:
             if one.heads and not _is_rolled(one) and not _fits([one], depth, self._room):
                 for inner in one.blocks:
@@ -112,7 +108,7 @@ class _Cutter:
                         inner[:] = self._cut(inner, depth + 1)
 
     def _cut(self, block: Sequence[Statement], depth: int) -> list[Statement]:
-        """The block as at most a page of calls of parts, and what must stay."""
+        """Reduce a block to at most a page of calls of parts and of statements that must stay."""
         cuts = _best_cuts(block, depth, self._room, self._kinds)
         remaining: list[Statement] = []
         for begin, end in pairwise(cuts):
@@ -130,7 +126,7 @@ class _Cutter:
         return remaining
 
     def parts(self) -> Parts:
-        """What the function becomes."""
+        """Return the parts of the function."""
         function, shared = self._function, self._shared()
         every = [*self._main, *chain(*self._parts.values())]
         workspace = Workspace(self._work, shared, every) if shared else None
@@ -163,7 +159,7 @@ class _Cutter:
         return Parts(declarations, functions, wishes | {"work": "work"})
 
     def _shared(self) -> dict[str, tuple[str, str]]:
-        """The variables that several parts need, and their types and dimensions."""
+        """Return the variables that several parts need, with types and dimensions."""
         homes: dict[str, set[int]] = {}
         for part, block in ((0, self._main), *self._parts.items()):
             for word in _words(block):
@@ -171,7 +167,7 @@ class _Cutter:
         return {name: kind for name, kind in self._kinds.items() if len(homes.get(name, ())) > 1}
 
     def _in_order(self, block: Iterable[Statement]) -> Iterator[int]:
-        """The numbers of parts as they are called."""
+        """Yield the numbers of parts in the order of their calls."""
         for one in block:
             if one.part is not None:
                 yield one.part
@@ -180,7 +176,7 @@ class _Cutter:
                 yield from self._in_order(inner)
 
     def _name(self, lines: Iterable[str]) -> str:
-        """The name of what a part makes last for others."""
+        """Return the name of the last result of a part for others."""
         own = self._function.parameters
         matches = [match for line in lines if (match := _SET.match(line))]
         made = [one[2] for one in matches if one[1] in (self._work, "found") or one[2] in own]
@@ -189,7 +185,7 @@ class _Cutter:
     def _with_calls(
         self, block: Iterable[Statement], needs: dict[int, list[str]]
     ) -> Iterator[Statement]:
-        """The statements with the calls of parts, whose arguments are known."""
+        """Yield the statements with calls of the parts and their arguments."""
         for one in block:
             if one.part is not None:
                 yield Statement(f"@{one.part}({', '.join(needs[one.part])});")
@@ -203,7 +199,6 @@ class _Cutter:
 def _best_cuts(
     block: Sequence[Statement], depth: int, room: int, names: Iterable[str]
 ) -> list[int]:
-    """Where a block is best cut, its begin and end included."""
     crossing = _crossing(block, set(names))
     lines = [len(one.lines(depth)) for one in block]
     decisions = [one.decisions for one in block]
@@ -225,7 +220,7 @@ def _best_cuts(
 
 
 def _crossing(block: Sequence[Statement], names: set[str]) -> list[int]:
-    """How many variables are needed before and behind each place of a block."""
+    """Return how many variables are needed both before and behind each place of a block."""
     first: dict[str, int] = {}
     last: dict[str, int] = {}
     for place, one in enumerate(block):

@@ -11,23 +11,23 @@ from jaxsat.compiler.c.helpers import TYPES, least, unsigned
 from jaxsat.compiler.ir import NativeBug
 
 PRIMARY, UNARY, PRODUCT, SUM, RELATION, EQUALITY, BOTH, EITHER, CHOICE = range(9)
-"""How strongly an expression holds together: the last hold least."""
+"""Precedences of expressions, the tightest first."""
 
 
 @dataclass(frozen=True)
 class Expression:
-    """C text, and how strongly it holds together."""
+    """C text and its precedence."""
 
     text: str
     level: int = PRIMARY
 
     def inside(self, level: int) -> str:
-        """The text as an operand of an operator of this level, in parentheses where due."""
+        """Return the text as an operand of an operator of this level, in parentheses where due."""
         return self.text if self.level <= level else f"({self.text})"
 
 
 Need = Callable[[str, np.dtype, np.dtype | None], str]
-"""Gives a helper's name, and has it printed."""
+"""Function that returns a helper's name, and has it printed."""
 
 _INFIX = {
     "add": ("+", SUM), "sub": ("-", SUM), "mul": ("*", PRODUCT), "div": ("/", PRODUCT),
@@ -46,7 +46,7 @@ _LIBRARY = {
 
 
 def literal(x: Any) -> Expression:
-    """A constant: the shortest decimal that is read back to the same bits."""
+    """Return a constant: the shortest decimal that is read back to the same bits."""
     dtype = x.dtype
     if dtype.kind == "b":
         return Expression("true" if x else "false")
@@ -69,12 +69,12 @@ def literal(x: Any) -> Expression:
 
 
 def called(name: str, *args: Expression) -> Expression:
-    """A call of a function of C."""
+    """Return a call of a function of C."""
     return Expression(f"{name}({', '.join(arg.text for arg in args)})")
 
 
 def infix(sign: str, level: int, x: Expression, y: Expression) -> Expression:
-    """An operator between two operands; those of one level go from the left to the right."""
+    """Return a binary operation; operators of one level associate from left to right."""
     mixed = level in (BOTH, EITHER)
     left = x.inside(level) if not mixed or x.level in (PRIMARY, UNARY, level) else f"({x.text})"
     if level in (RELATION, EQUALITY):
@@ -88,7 +88,7 @@ def infix(sign: str, level: int, x: Expression, y: Expression) -> Expression:
 def operation(
     name: str, args: list[Expression], kinds: list[np.dtype], out: np.dtype, need: Need
 ) -> Expression:
-    """One operation of the table in `jaxsat.compiler.operations`."""
+    """Return an operation of the table in `jaxsat.compiler.operations`."""
     dtype = kinds[-1] if name == "select" else kinds[0]
     match name:
         case "select":
@@ -115,7 +115,7 @@ _PLACE, _NUMBER = re.compile(r"[\w>.\-\[\]]+"), re.compile(r"-?[\d.]+(e[+-]?\d+)
 
 
 def _chosen(text: str, predicate: str, which: int) -> str:
-    """What a predicate has chosen, without selections by it of this or of a number."""
+    """Return the side that a predicate selects, without selections by it of this or of a number."""
     begin = text.find(f"({predicate} ? ") if _PLACE.fullmatch(predicate) else -1
     if begin < 0:
         return text

@@ -22,16 +22,16 @@ LIBM = frozenset((
     "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "cbrt", "cos", "cosh", "erf",
     "erfc", "exp", "exp2", "expm1", "log", "log1p", "pow", "sin", "sinh", "tan", "tanh"
 ))  # fmt: skip
-"""Elementary functions that the C library may be taken for."""
+"""Elementary functions that the C library provides."""
 
 
 class Unit(AbstractUnit):
-    """A C file while it is printed: the static functions and tables that its programs need.
+    """A C file during printing: the static functions and tables that its programs need.
 
-    `of_numbers` are the elementary functions of floats alone, by their names; `contexts` are those
-    of the functions of the stage that is printed; `types` of the pointers to
-    structures, and `shapes` of the arrays there. `origins` has the Python functions of each C
-    function, and `wholes` of each part the function that it is a part of.
+    `of_numbers` are the elementary functions of floats alone, by name; `contexts` are those of the
+    functions of the current stage; `types` of the pointers to structures, and `shapes` of their
+    arrays. `origins` has the Python functions of each C function, and `wholes` the function that
+    each part belongs to.
     """
 
     def __init__(self, libm: bool, types: dict[str, str], shapes: dict[str, tuple[int, ...]]):
@@ -50,11 +50,11 @@ class Unit(AbstractUnit):
         self._tables: dict[tuple, str] = {}
 
     def scope(self) -> Names:
-        """The names of a function: none that the file has."""
+        """Return a new scope of names of a function, none of which the file has."""
         return Names(self.types, outer=self.names)
 
     def need(self, name: str, dtype: np.dtype, other: np.dtype | None = None) -> str:
-        """The name of a helper, which is printed once."""
+        """Return the name of a helper, which is printed once."""
         full, text, needs = helper(name, dtype, other)
         if full not in self.helpers:
             for one in needs:
@@ -63,9 +63,9 @@ class Unit(AbstractUnit):
         return full
 
     def used(self, text: str) -> list[str]:
-        """The tables and helpers that the text of the functions names, and those that these name.
+        """Return the tables and helpers that a text of functions uses, directly or not.
 
-        A statement that was left out as dead may have been the only one to name them.
+        A statement that was removed as dead may have been the only one to use them.
         """
         words = set(re.findall(r"\w+", text))
         helpers: list[str] = []
@@ -77,12 +77,12 @@ class Unit(AbstractUnit):
         return [*tables, "", *helpers] if tables else helpers
 
     def memory(self, memory: Memory) -> str:
-        """The name of an array of constants that is indexed."""
+        """Return the name of an indexed array of constants."""
         assert memory.initial is not None
         return self.table(list(memory.initial), (memory.size,), "constant")
 
     def table(self, numbers: Sequence[np.generic], shape: tuple[int, ...], wish: str) -> str:
-        """The name of an array of constants; equal ones are one."""
+        """Return the name of an array of constants; equal ones are shared."""
         kind = TYPES[numbers[0].dtype]
         text = braced([literal(x).text for x in numbers], shape)
         key = (kind, shape, text)
@@ -93,7 +93,7 @@ class Unit(AbstractUnit):
         return self._tables[key]
 
     def elementary(self, function: Function, trace: Trace) -> str:
-        """The name of an elementary function of numbers."""
+        """Return the name of an elementary function of numbers."""
         word = function.name.split(".")[0]
         if self.libm and word in LIBM:
             return word + ("f" if function.results[0].dtype.itemsize == 4 else "")
@@ -107,13 +107,13 @@ class Unit(AbstractUnit):
         return self._printed[id(function)].name
 
     def python(self, function: Function, trace: Trace) -> CallSignature:
-        """A function of the Python code, printed once."""
+        """Print a function of the Python code once, and return its signature."""
         if id(function) not in self._printed:
             self._printed[id(function)] = self._python(function, trace)
         return self._printed[id(function)]
 
     def prepare(self, begin: Context, trace: Trace) -> None:
-        """Print all that a function calls, and what that calls, before it."""
+        """Print all functions that a function calls, callees first."""
         by_identity = contexts(begin, trace)
         self.contexts |= by_identity
         functions = [context.function for context in by_identity.values() if context is not begin]
@@ -127,7 +127,7 @@ class Unit(AbstractUnit):
             self.python(function, trace)
 
     def write(self, text: Text, names: Names, new_name: Callable[[], str]) -> str:
-        """Print a function, in parts if it is long, and give its name.
+        """Print a function, in parts if it is long, and return its name.
 
         `names` are those that it uses. One like another is not printed again.
         """
@@ -155,7 +155,7 @@ class Unit(AbstractUnit):
         return self._alike[key]
 
     def _loop(self, function: Function) -> CallSignature:
-        """An operation on arrays, printed once for all of one kind."""
+        """Print an operation on arrays, once for all of one kind."""
         name, lines = loop_text(function)
         key = lines[0]
         if key not in self._alike:
@@ -169,7 +169,7 @@ class Unit(AbstractUnit):
         return CallSignature(self._alike[key], passed, ways, (), count_of(source))
 
     def _name(self, word: str) -> str:
-        """The reserved name for the first function of a word, a new one for others."""
+        """Return the reserved name for the first function of a word, a new one for others."""
         name = self._reserved.get(word, "")
         if not name:
             return self.names.new(word)
@@ -196,13 +196,12 @@ class Unit(AbstractUnit):
 
 
 def _word(function: Function) -> str:
-    """The Python function's own name."""
     assert function.source is not None
     return function.source.name.split(".<locals>.")[-1].removesuffix(".__call__")
 
 
 def _named(line: str, words: dict[str, str]) -> list[str]:
-    """A line with names in the place of what stands for them."""
+    """Return a line with names in place of their symbols."""
     if "@" not in line and len(line) <= WIDEST:
         return [line]
     indent = " " * (len(line) - len(line.lstrip()))

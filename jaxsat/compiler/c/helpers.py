@@ -1,8 +1,8 @@
-"""Small C functions that printed programs call: operations that C has not, or not for all numbers,
-and operations on small arrays as loops (products, sums, least elements).
+"""Small C functions that printed programs call.
 
-Signed whole numbers are added, multiplied and shifted as unsigned ones, so that they wrap where
-JAX's do and never overflow, which C leaves undefined.
+They are operations that C lacks, or lacks for some numbers, and operations on small arrays as loops
+(products, sums, least elements). Signed integers are added, multiplied and shifted as unsigned
+ones, so that they wrap like JAX's and never overflow, which C leaves undefined.
 """
 
 import numpy as np
@@ -19,17 +19,17 @@ TYPES = {
 
 
 def short(dtype: np.dtype) -> str:
-    """A type in the names of helpers."""
+    """Return a type's abbreviation in the names of helpers."""
     return {"f": "f", "i": "i", "u": "u", "b": "b"}[dtype.kind] + str(8 * dtype.itemsize)
 
 
 def unsigned(dtype: np.dtype) -> np.dtype:
-    """The unsigned type of the same width."""
+    """Return the unsigned type of the same width."""
     return np.dtype(f"u{dtype.itemsize}")
 
 
 def least(dtype: np.dtype) -> str:
-    """The least number of a signed type, whose macro is an expression of another type."""
+    """Return the least number of a signed type, whose macro is an expression of another type."""
     return f"({TYPES[dtype]})INT{8 * dtype.itemsize}_MIN"
 
 
@@ -38,7 +38,7 @@ def _signature(result: str, name: str, params: str) -> str:
 
 
 def helper(name: str, dtype: np.dtype, other: np.dtype | None = None) -> tuple[str, str, list]:
-    """Name and text of a helper for operands of a type, and the helpers that it needs itself.
+    """Return name and text of a helper for operands of a type, and the helpers that it needs.
 
     `other` is the type of the result where that differs.
     """
@@ -111,7 +111,7 @@ def _one_line(result: str, name: str, params: str, body: str) -> str:
 
 
 def _extremum(name: str, full: str, c: str) -> str:
-    """The larger or smaller of two floats: NaN where either is, and -0.0 below 0.0."""
+    """Return the larger or smaller of two floats: NaN where either is, and -0.0 below 0.0."""
     sign, other = (">", "<") if name == "maximum" else ("<", ">")
     last = "(x + y)" if name == "maximum" else "-((-x) - y)"
     lines = [
@@ -142,7 +142,7 @@ def _copied(name: str, before: str, after: str) -> str:
 
 
 def _saturated(name: str, dtype: np.dtype, other: np.dtype) -> str:
-    """A float as a whole number, cut towards zero: beyond the range its end, zero for NaN."""
+    """Return a float cut towards zero to an integer: beyond the range its end, zero for NaN."""
     c, whole, info = TYPES[dtype], TYPES[other], np.iinfo(other)
     top, bottom = (repr(float(end)) + ("F" if c == "float" else "") for end in (info.max, info.min))
     word = f"{'U' * (other.kind == 'u')}INT{info.bits}"
@@ -166,7 +166,7 @@ def _saturated(name: str, dtype: np.dtype, other: np.dtype) -> str:
 
 
 def loop_text(function: Function) -> tuple[str, list[str]]:
-    """The name and the lines of an operation on arrays."""
+    """Return the name and the lines of an operation on arrays."""
     source = function.source
     assert source is not None
     match source.loop:
@@ -178,7 +178,7 @@ def loop_text(function: Function) -> tuple[str, list[str]]:
 
 
 def count_of(source: Source) -> list[str]:
-    """How many numbers there are, for operations on any number of them."""
+    """Return the element count as an argument, for operations on any number of elements."""
     flat = all(len(shape) == 1 for shape in source.params)
     return [str(source.params[0][0])] if flat else []
 
@@ -198,7 +198,7 @@ def _sum_text(function: Function, source: Source) -> tuple[str, list[str]]:
 
 
 def _extremum_text(function: Function, source: Source) -> tuple[str, list[str]]:
-    """The first number that is not a number comes before all others."""
+    """Return the search for the first extremum; NaN precedes all other numbers."""
     kind, _ = _kind(function)
     whole = TYPES[function.results[0].dtype]
     sign = "<" if source.loop == "argmin" else ">"
@@ -217,7 +217,6 @@ def _extremum_text(function: Function, source: Source) -> tuple[str, list[str]]:
 
 
 def _kind(function: Function) -> tuple[str, str]:
-    """The type of the numbers, and its zero."""
     dtype = function.params[0].dtype
     return TYPES[dtype], "0.0F" if dtype.itemsize == 4 else "0.0"
 

@@ -18,9 +18,9 @@ from jaxsat.compiler.lowering import number_type
 
 @dataclass(frozen=True)
 class Field:
-    """One array of a tree as a field: `about` is what its class, the `owner`, says of itself.
+    """One array of a tree as a field: `about` is the docstring of its class, the `owner`.
 
-    `number` counts the arrays of the tree.
+    `number` is the index of the array in the tree.
     """
 
     name: str
@@ -33,16 +33,16 @@ class Field:
 
     @property
     def declaration(self) -> str:
-        """The field's type, name and dimensions."""
+        """Type, name and dimensions of the field."""
         return f"{TYPES[self.dtype]} {self.name}{''.join(f'[{n}]' for n in self.shape)}"
 
     @property
     def size(self) -> int:
-        """How many numbers it has."""
+        """Number of elements."""
         return int(np.prod(self.shape))
 
     def elements(self, struct: str) -> list[str]:
-        """Its elements in order, as C expressions."""
+        """Return its elements in order, as C expressions."""
         return [
             f"{struct}{self.name}" + "".join(f"[{i}]" for i in index)
             for index in np.ndindex(self.shape)
@@ -58,7 +58,7 @@ class Struct:
     fields: tuple[Field, ...]
 
     def declaration(self) -> list[str]:
-        """The type as C text: what each class says stands before its fields."""
+        """Return the type as C text, with each class's docstring before its fields."""
         lines = [*comment(self.about), "typedef struct {"]
         owner = None
         for field in self.fields:
@@ -73,21 +73,21 @@ class Struct:
         return [*lines, f"}} {self.name};"]
 
     def layout(self) -> list[str]:
-        """What the compiler makes of it: its name and fields, without the words about them."""
+        """Return name and fields without comments, which determine the compiled layout."""
         return [self.name, *(field.declaration for field in self.fields)]
 
     @property
     def size(self) -> int:
-        """How many numbers it has."""
+        """Number of elements of all fields."""
         return sum(field.size for field in self.fields)
 
     def elements(self, struct: str) -> list[str]:
-        """All elements in order, as C expressions."""
+        """Return all elements in order, as C expressions."""
         return [text for field in self.fields for text in field.elements(struct)]
 
 
 def fields_of(tree: PyTree, names: Names) -> tuple[Field, ...]:
-    """The fields of a tree in the order of its leaves."""
+    """Return the fields of a tree in the order of its leaves."""
     fields = []
     for number, (path, leaf) in enumerate(jax.tree_util.tree_leaves_with_path(tree)):
         owner, about = _owner(tree, path)
@@ -102,10 +102,9 @@ def fields_of(tree: PyTree, names: Names) -> tuple[Field, ...]:
 
 
 def parameter_fields(tree: PyTree) -> tuple[list[Any], tuple[Field, ...], list[int]]:
-    """Arrays of a tree, each once however often it stands in it, their fields, and the number of
-    the array that each leaf is.
+    """Return the distinct arrays of a tree, their fields, and the index of the array of each leaf.
 
-    An array that several parts share has the name that their paths end with alike.
+    An array that several parts share has the name in which their paths end alike.
     """
     paths: dict[int, list[tuple]] = {}
     arrays: list[Any] = []
@@ -148,7 +147,7 @@ def _word(key: Any) -> str:
 
 
 def _owner(tree: PyTree, path: tuple) -> tuple[str, str]:
-    """The class that a leaf is a field of, and what it says of itself."""
+    """Return the class of which a leaf is a field, and its docstring."""
     owner, now = type(tree), cast(Any, tree)
     for key in path:
         if hasattr(now, "_fields") or issubclass(type(now), eqx.Module):
@@ -161,7 +160,7 @@ def _owner(tree: PyTree, path: tuple) -> tuple[str, str]:
 
 
 def about(owner: type) -> str:
-    """What a class says of itself, as one paragraph."""
+    """Return a class's docstring as one paragraph."""
     if owner.__doc__ is None or owner.__doc__.startswith(f"{owner.__name__}("):
         return ""
     text = inspect.cleandoc(owner.__doc__)

@@ -1,6 +1,4 @@
-"""Names and comments of C files: identifiers from Python names, names that mean something in C
-already (keywords, macros, what libraries and compilers know), prose that ends no comment; and what
-the values of a program are called in Python."""
+"""Names and comments of C files: identifiers from Python names, reserved words, safe comments."""
 
 import ast
 import re
@@ -22,7 +20,7 @@ _LETTERS = {
 
 
 def ascii_text(text: str) -> str:
-    """The text in ASCII: Greek letters by their names, other signs by what is nearest."""
+    """Convert text to ASCII: Greek letters by their names, other signs by the nearest one."""
     letters = []
     for letter in text:
         name = unicodedata.name(letter, "")
@@ -40,7 +38,7 @@ def ascii_text(text: str) -> str:
 
 
 def comment(text: str, indent: str = "", width: int = 98) -> list[str]:
-    """Lines of one C comment; nothing in the text ends it or begins another one."""
+    """Return lines of one C comment; nothing in the text ends it or begins another one."""
     plain = ascii_text(" ".join(text.split())).replace("`", "")
     plain = "".join(letter for letter in plain if letter.isprintable())
     for sign, harmless in (("\\", "|"), ("/*", "/ *"), ("*/", "* /"), ("//", "/ /"), ("??", "? ?")):
@@ -56,7 +54,7 @@ def comment(text: str, indent: str = "", width: int = 98) -> list[str]:
 
 
 def identifier(*parts: str) -> str:
-    """A C identifier of words, in lower case with underscores."""
+    """Return a C identifier of words, in lower case with underscores."""
     text = "_".join(ascii_text(part) for part in parts)
     text = re.sub(r"(?<=[a-z0-9])(?=[A-Z][a-z])", "_", text)
     text = re.sub(r"[\W_]+", "_", text).strip("_").lower() or "x"
@@ -64,11 +62,11 @@ def identifier(*parts: str) -> str:
 
 
 _LONGEST = 56
-"""Characters of a name: C tells names apart by 63, and a number may follow."""
+"""Largest number of characters of a name: C distinguishes 63, and a number may follow."""
 
 
 class Names:
-    """Identifiers that are in use in a scope, no two alike; `outer` is the file's scope."""
+    """Identifiers in use in a scope, no two alike; `outer` is the file's scope."""
 
     def __init__(
         self, identifiers: Iterable[str] = (), *, fields: bool = False, outer: "Names | None" = None
@@ -78,13 +76,13 @@ class Names:
         self._last: dict[str, int] = {}
 
     def _is_taken(self, name: str) -> bool:
-        """Whether it stands for something here, or would hide or be hidden by something."""
+        """Whether a name has a meaning here, or would hide or be hidden by another one."""
         beyond = self.outer is not None and name in self.outer.identifiers
         means = name in WORDS if self._fields else is_reserved(name)
         return means or name in self.identifiers or name in self.inside or beyond
 
     def new(self, wish: str) -> str:
-        """An identifier that is this one, or this one with a number; of a long one the end."""
+        """Return this identifier, with a number if it is in use; of a long one the end."""
         if not self._fields and len(wish) > _LONGEST:
             wish = wish[-_LONGEST:].split("_", 1)[-1].lstrip("0123456789_")
         if not self._fields and is_reserved(f"{wish}_2"):  # of a family whose names all are
@@ -100,7 +98,7 @@ class Names:
 
 
 def assigned_name(file: str, line: int) -> str | None:
-    """The name that a statement of Python gives its result, if it is one name and can be read."""
+    """Return the name that a Python statement gives its result, if it is a single one, or None."""
     statement = _statements(file).get(line)
     targets = statement.targets if isinstance(statement, ast.Assign) else []
     if len(targets) == 1 and isinstance(targets[0], ast.Name):
@@ -110,7 +108,6 @@ def assigned_name(file: str, line: int) -> str | None:
 
 @once
 def _statements(file: str) -> dict[int, ast.stmt]:
-    """Statements by each of the lines that they take; the innermost one."""
     tree = _tree(file)
     if tree is None:
         return {}
@@ -153,7 +150,7 @@ def _definition(file: str, function: str) -> _Definition | None:
 
 
 def _definitions(body: Iterable[ast.stmt]) -> Iterator[_Definition]:
-    """Functions and classes of a body, those in branches and loops included."""
+    """Yield functions and classes of a body, with those in branches and loops."""
     for node in body:
         if isinstance(node, _Definition):
             yield node
@@ -184,21 +181,21 @@ _OTHERS = re.compile(
     r"u?_?u?int\w*_t|(atomic|pthread|thrd|mtx|cnd|tss)_\w+"
     r"|f(32|64)x?(add|sub|mul|div|fma|sqrt)\w*|\w+_[fiub](8|16|32|64)|((read|write)_)?controller_\w+"
 )
-"""Types of whole numbers, families of functions, helpers, and what an export offers."""
+"""Patterns of integer types, families of functions, helpers, and an export's interface."""
 
 _PRECISION = re.compile(r"(f|l|[fd](16|32|64|128)x?)(?=_r$|$)")
-"""What the names of functions for other types than doubles end with."""
+"""Suffixes of the names of functions for other types than doubles."""
 
 
 def is_reserved(name: str) -> bool:
-    """Whether no function, table or variable may be called so."""
+    """Whether a name is not allowed for a function, table or variable."""
     if name in WORDS or name in LIBRARY or _OTHERS.fullmatch(name):
         return True
     return _PRECISION.sub("", name) in LIBRARY
 
 
 def element_of(trace: Trace, value: Value) -> Element | None:
-    """The array's element that a value is, if it was computed by the statement that made that."""
+    """Return the array element that a value is, if it is computed where the array is."""
     element, places = trace.elements.get(value.number), trace.places.get(value.number, ())
     if element is None or not places or not element.place:
         return None
@@ -210,7 +207,7 @@ def element_of(trace: Trace, value: Value) -> Element | None:
 
 
 def wish_of(frames: tuple[Frame, ...]) -> str:
-    """The name that Python has for what is computed at a place."""
+    """Return the Python name of a value computed at a place."""
     for frame in reversed(frames):
         name = assigned_name(frame.file, frame.line) or frame.function.split(".")[-1]
         if not name.startswith("<"):
@@ -219,7 +216,7 @@ def wish_of(frames: tuple[Frame, ...]) -> str:
 
 
 def name_of(trace: Trace, x: Scalar, otherwise: str) -> str:
-    """The Python name of the array that a value is the first element of."""
+    """Return the Python name of the array of which a value is the first element."""
     if not isinstance(x, Value):
         return otherwise
     if x.number in trace.names:

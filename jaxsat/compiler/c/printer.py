@@ -1,4 +1,4 @@
-"""Programs of scalars as statements of C; loops turn no more often than a bound known before."""
+"""Programs of scalars as statements of C; the turns of every loop have a known bound."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -19,10 +19,10 @@ from jaxsat.compiler.trace import Trace
 
 
 class Printer:
-    """Statements of one C function, written into `body`.
+    """Printer of the statements of one C function into `body`.
 
-    `expressions` are those of values from outside, and `places` (lvalues) those of values that
-    others read later; `shapes` are those of the arrays of both, by name.
+    `expressions` are those of external values, and `places` (lvalues) those of values that others
+    read later; `shapes` are those of the arrays of both, by name.
     """
 
     def __init__(
@@ -43,13 +43,13 @@ class Printer:
         self._pointers: set[str] = set()
 
     def pointers(self, lines: Sequence[str]) -> set[str]:
-        """Which structures these lines of the function need."""
+        """Return the structures that these lines of the function need."""
         text = "\n".join(lines)
         uses = {one for one in POINTERS if re.search(rf"(?<![\w>.]){one}(->|\[)", text)}
         return uses | self._pointers
 
     def block(self, block: ir.Block) -> None:
-        """The statements of a block."""
+        """Print the statements of a block."""
         for step in block.steps:
             self._step(step)
 
@@ -88,7 +88,6 @@ class Printer:
         self.body.line(f"{called(name, *args, *pointers).text};")
 
     def _python_call(self, step: ir.Call, source: ir.Source) -> None:
-        """A call of a function that takes arrays and gives some."""
         printed = self._unit.python(step.function, self._trace)
         self._pointers.update(printed.pointers)
         args = [Expression(text) for text in (*printed.pointers, *printed.counts)]
@@ -129,7 +128,7 @@ class Printer:
             self.body.line(f"{place} = {text};")
 
     def _in_record(self, record: Record, args: Sequence[Expression]) -> Expression:
-        """The address of a new record of arguments."""
+        """Return the address of a new record of arguments."""
         name = self.body.names.new("given")
         fields = zip(record.fields, args, strict=True)
         texts = [f".{field} = {argument.text}" for field, argument in fields]
@@ -171,7 +170,7 @@ class Printer:
                 self.body.assign(place, self.body.operand(result))
 
     def _condition(self, index: ir.Scalar) -> str | None:
-        """The bool that a branch of two is chosen by, behind the steps that make a number of it."""
+        """Return the bool by which a branch of two is chosen, behind its conversion to a number."""
         expressions = self.body.expressions
         while isinstance(index, ir.Value) and index.number in self._uses.makers:
             maker = self._uses.makers[index.number]
@@ -188,7 +187,7 @@ class Printer:
         return None
 
     def _bool_of(self, number: ir.Value, flag: ir.Value) -> str | None:
-        """The text of a bool that was made a number, which waits for its use."""
+        """Return the text of a bool whose conversion to a number is pending."""
         if not self.body.is_pending(number):
             return None
         text = self.body.operand(number).text
@@ -244,8 +243,7 @@ class Printer:
         body.line("}")
 
     def _conditions(self, one: ir.Scalar, joined: set[int]) -> list[ir.Scalar]:
-        """The conditions that must all hold for one; `joined` gets the numbers of those of two
-        others that are read nowhere else."""
+        """Return the conjuncts of a condition; `joined` gets numbers of conjunctions read once."""
         maker = self._uses.makers.get(one.number) if isinstance(one, ir.Value) else None
         if maker is None or maker.name != "and" or not self._uses.is_once(maker.out):
             return [one]
@@ -253,7 +251,7 @@ class Printer:
         return [part for arg in maker.args for part in self._conditions(arg, joined)]
 
     def _carry_over(self, step: ir.Loop, counter: int) -> None:
-        """The params of the next turn, all computed before the first is assigned."""
+        """Assign the params of the next turn, all computed before the first assignment."""
         body = self.body
         moves = []
         params = {param.number for param in step.params}
@@ -275,7 +273,6 @@ class Printer:
 
 
 def _is_enclosed(text: str) -> bool:
-    """Whether the first parenthesis of a text ends with it."""
     depth = 0
     for place, letter in enumerate(text):
         depth += (letter == "(") - (letter == ")")

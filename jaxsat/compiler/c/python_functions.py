@@ -1,4 +1,4 @@
-"""Functions of C that Python functions become: their parameters, their body and their results."""
+"""C functions of Python functions: parameters, body and results."""
 
 import re
 from collections import Counter
@@ -18,13 +18,13 @@ from jaxsat.compiler.ir import Function, Scalar, Value
 from jaxsat.compiler.trace import Trace
 
 MOST = 9
-"""Parameters of a function; more are in records. A part of it may have one more."""
+"""Largest number of parameters of a function; more are in records. A part may have one more."""
 
 
 def python_function(
     unit: AbstractUnit, about: str, function: Function, trace: Trace, context: Context
 ) -> tuple[Text, Names, CallSignature]:
-    """A function as text, the names that it uses, and how it is called.
+    """Return a function as text, the names that it uses, and its signature.
 
     If there are too many parameters, the arguments, the results or both are in records.
     """
@@ -49,7 +49,7 @@ def _printed(
     context: Context,
     in_records: tuple[bool, bool],
 ) -> tuple[Text, Names, CallSignature]:
-    """As `python_function`, with arguments and results in records or not."""
+    """Print as `python_function`, with arguments and results in records or not."""
     source = function.source
     shapes = ((), ()) if source is None else (source.params, source.results)
     names = unit.scope()
@@ -120,7 +120,7 @@ def _printed(
 
 
 FEW = 5
-"""At most so many elements of an array that are zero are set one by one."""
+"""Largest number of zero elements of an array that are set one by one."""
 
 
 def _is_zero(x: Scalar) -> bool:
@@ -128,14 +128,13 @@ def _is_zero(x: Scalar) -> bool:
 
 
 def _many_zeros(assignments: Sequence[tuple[str, Scalar]]) -> dict[str, Scalar]:
-    """The arrays that many zeros are assigned to, and the zero."""
     places = [(place.split("[")[0], x) for place, x in assignments if "[" in place and _is_zero(x)]
     count = Counter(place for place, _ in places)
     return {place: x for place, x in places if count[place] > FEW}
 
 
 def fills(assignments: Sequence[tuple[str, Scalar]], places: Iterable[str]) -> list[str]:
-    """Loops that set arrays to zero of which other elements are computed later."""
+    """Return loops that set to zero arrays with some elements computed later."""
     every = [*(place for place, _ in assignments), *places]
     lines = []
     for array, zero in _many_zeros(assignments).items():
@@ -159,10 +158,10 @@ def fills(assignments: Sequence[tuple[str, Scalar]], places: Iterable[str]) -> l
 def _parameters(
     function, context, names, begin, expressions, array_shapes
 ) -> tuple[dict[str, str], list[bool]]:
-    """The declarations of array parameters by their names, and which there are.
+    """Return the declarations of array parameters by name, and which are passed.
 
-    Their elements go into `expressions`, their shapes into `array_shapes`; `begin` is what stands
-    before fields of a record.
+    Their elements go into `expressions`, their shapes into `array_shapes`; `begin` is the prefix of
+    fields of a record.
     """
     declarations: dict[str, str] = {}
     passed: list[bool] = []

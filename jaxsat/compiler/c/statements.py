@@ -1,4 +1,4 @@
-"""Statements of a C function's text as a tree: what is inside of what, and how large it is."""
+"""Statements of a C function's text as a tree, with their sizes."""
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from jaxsat.compiler.c.tidying import in_lines
 
 LINE = 100
-"""Characters of a line at most."""
+"""Largest number of characters in a line."""
 
 _DECIDES = re.compile(r"\?|&&|\|\||\b(?:if|for|while|case)\b")
 _RECORD = re.compile(r"const \w+ (\w+) = \{\.")
@@ -15,10 +15,10 @@ _RECORD = re.compile(r"const \w+ (\w+) = \{\.")
 
 @dataclass
 class Statement:
-    """A statement: its text in one line (in two with what must stand before it), or one that has
-    `blocks`, each behind one of the `heads`.
+    """A statement: its text, or `blocks`, each behind one of the `heads`.
 
-    `part` is the number of the function that the statement calls in place of others.
+    The text is one line, or two with a required predecessor. `part` is the number of the function
+    that the statement calls in place of others.
     """
 
     text: str = ""
@@ -28,12 +28,12 @@ class Statement:
 
     @property
     def is_comment(self) -> bool:
-        """Whether it is no statement."""
+        """Whether the text is a comment."""
         return self.text.startswith("/*")
 
     @property
     def leaves(self) -> bool:
-        """Whether it ends the function, or a loop or a case that it is in."""
+        """Whether the statement ends the function, or an enclosing loop or case."""
         head = self.heads[0] if self.heads else self.text
         if head.startswith(("for", "switch")):
             return False
@@ -42,7 +42,7 @@ class Statement:
         return any(one.leaves for block in self.blocks for one in block)
 
     def texts(self) -> Iterator[str]:
-        """All texts but those of comments."""
+        """Yield all texts without comments."""
         if not self.is_comment:
             yield from self.heads or self.text.split("\n")
         for block in self.blocks:
@@ -51,11 +51,11 @@ class Statement:
 
     @property
     def decisions(self) -> int:
-        """What it adds to the cyclomatic complexity of its function."""
+        """Contribution to the cyclomatic complexity of the function."""
         return sum(len(_DECIDES.findall(text)) for text in self.texts())
 
     def lines(self, depth: int) -> list[str]:
-        """Its lines, inside so many blocks."""
+        """Return its lines at this depth of blocks."""
         indent = "  " * depth
         if not self.heads:
             return _lines(self.text, indent)
@@ -67,7 +67,7 @@ class Statement:
 
 
 def texts_of(block: Iterable[Statement]) -> Iterator[str]:
-    """The texts of statements."""
+    """Yield the texts of statements."""
     for one in block:
         yield from one.texts()
 
@@ -82,7 +82,7 @@ def _lines(text: str, indent: str) -> list[str]:
 
 
 def statements(lines: Sequence[str]) -> list[Statement]:
-    """The statements of a function's lines."""
+    """Return the statements of a function's lines."""
     texts: list[str] = []
     is_open = False
     for line in lines:
@@ -98,7 +98,7 @@ def statements(lines: Sequence[str]) -> list[Statement]:
 
 
 def _block(texts: Sequence[str], place: int) -> tuple[list[Statement], int]:
-    """The statements up to the end of a block, and the place of that."""
+    """Return the statements up to the end of a block, and the index of that end."""
     parts: list[Statement] = []
     while place < len(texts) and not texts[place].startswith("}"):
         if not texts[place].endswith("{"):
@@ -116,7 +116,7 @@ def _block(texts: Sequence[str], place: int) -> tuple[list[Statement], int]:
 
 
 def _with_records(block: list[Statement]) -> list[Statement]:
-    """A record of arguments belongs to the call that it is for."""
+    """Join records of arguments with the calls for which they are made."""
     parts: list[Statement] = []
     for one in block:
         record = _RECORD.match(parts[-1].text) if parts else None

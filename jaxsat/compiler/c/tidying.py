@@ -1,5 +1,4 @@
-"""C text in lines, and the statements of a function made short: fewer comments and declarations,
-loops, constants."""
+"""Tidying of C text: line breaks, fewer comments and declarations, loops, constants."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -11,14 +10,14 @@ import numpy as np
 from jaxsat.compiler.c.naming import comment
 
 WIDTH = 92
-"""Characters of an expression in a line."""
+"""Largest number of characters of an expression in a line."""
 
 WIDEST = 100
-"""Characters of a line."""
+"""Largest number of characters of a line."""
 
 
 def wrapped(text: str) -> list[str]:
-    """The words of a text in lines."""
+    """Return the words of a text in lines."""
     lines, line = [], " "
     for word in text.split(" "):
         if len(line) + len(word) > WIDTH:
@@ -29,7 +28,7 @@ def wrapped(text: str) -> list[str]:
 
 
 def in_lines(text: str, indent: str) -> list[str]:
-    """A statement or a function's head, broken where it is too long, at commas if there are any."""
+    """Break a long statement or function head, at commas if there are any."""
     room = WIDEST - len(indent)
     if len(text) <= room:
         return [indent + text]
@@ -45,12 +44,12 @@ def in_lines(text: str, indent: str) -> list[str]:
 
 
 def dimensions(shape: tuple[int, ...]) -> str:
-    """The dimensions of an array of C."""
+    """Return the dimensions of an array of C."""
     return "".join(f"[{n}]" for n in shape)
 
 
 def braced(texts: Sequence[str], shape: tuple[int, ...]) -> str:
-    """The initialiser of an array of this shape."""
+    """Return the initialiser of an array of this shape."""
     if len(shape) <= 1:
         return f"{{{', '.join(texts)}}}"
     size = len(texts) // shape[0]
@@ -59,11 +58,11 @@ def braced(texts: Sequence[str], shape: tuple[int, ...]) -> str:
 
 
 FEW_LINES = 8
-"""Statements of another function of the source that need no comment."""
+"""Number of statements of another function of the source that need no comment."""
 
 
 def tidied(lines: list[str], own: str | None, single: Mapping[str, str]) -> list[str]:
-    """Arrays of which one element is used are no arrays, and repetitions are loops.
+    """Replace arrays with one used element by variables, and repetitions by loops.
 
     `own` is the Python function's name; `single` has the elements that are alone in their arrays,
     such as "x[2]", and their types.
@@ -78,9 +77,9 @@ def tidied(lines: list[str], own: str | None, single: Mapping[str, str]) -> list
 
 
 def _with_few_comments(lines: list[str], own: str | None) -> list[str]:
-    """Without the comments that tell where a line or two come from.
+    """Remove the comments on the origin of a line or two.
 
-    Only after statements of another function is it said that the function's `own` go on.
+    A comment on the function's `own` statements follows only statements of another function.
     """
     places = [i for i, line in enumerate(lines) if line.lstrip().startswith("/*")]
     left_out = set()
@@ -96,7 +95,6 @@ def _with_few_comments(lines: list[str], own: str | None) -> list[str]:
 
 
 def _declared_together(lines: list[str]) -> list[str]:
-    """Neighbouring variables of one type, which functions set, in one declaration."""
     merged: list[str] = []
     for line in lines:
         here = _DECLARED.fullmatch(line)
@@ -118,7 +116,7 @@ VARIABLES = "ijkmn"
 
 @dataclass
 class _Unit:
-    """A statement: its lines, and how many loops it is made of; -1 is one that is no assignment."""
+    """A statement: its lines, and its depth of loops; -1 for other statements than assignments."""
 
     lines: list[str]
     depth: int
@@ -129,7 +127,7 @@ class _Unit:
 
 
 def rolled(lines: list[str]) -> list[str]:
-    """The same statements in the same order, equal ones of neighbouring elements in loops."""
+    """Return the statements in their order, with equal ones of neighbouring elements in loops."""
     units = _units(lines)
     while True:
         shorter = _rolled_once(units)
@@ -174,7 +172,7 @@ def _numbers(unit: _Unit) -> list[int]:
 
 
 def _run(units: list[_Unit], first: int) -> int:
-    """How many units from the first on differ by indices that go up by one or stay."""
+    """Return how many units from the first on differ by indices that go up by one or stay."""
     one = units[first]
     if one.depth < 0 or not _INDEX.search(one.text):
         return 1
@@ -227,7 +225,7 @@ _CONSTANT = re.compile(r" *const \w+ \w+(\[\d+\])* =")
 
 
 def with_initialisers(lines: Sequence[str]) -> list[str]:
-    """The same statements with arrays that are set once, element by element, as constants."""
+    """Turn arrays that are set once, element by element, into constants with initialisers."""
     statements = _statements(lines)
     place = 0
     while place < len(statements):
@@ -246,7 +244,7 @@ def with_initialisers(lines: Sequence[str]) -> list[str]:
 
 
 def _statements(lines: Sequence[str]) -> list[list[str]]:
-    """Lines of one statement together."""
+    """Group lines by statement."""
     statements: list[list[str]] = []
     is_open = False
     for line in lines:
@@ -262,7 +260,7 @@ def _statements(lines: Sequence[str]) -> list[list[str]]:
 def _assigned(
     statements: Sequence[list[str]], first: int, declaration: re.Match
 ) -> tuple[list[str], int, list[list[str]]] | None:
-    """The elements' expressions, the statement after the last, and what stands in between."""
+    """Return the elements' expressions, the index after the last, and the statements in between."""
     name = declaration[3]
     shape = [int(n) for n in re.findall(r"\d+", declaration[4])]
     elements = [f"{name}{''.join(f'[{i}]' for i in index)}" for index in np.ndindex(*shape)]
@@ -302,7 +300,6 @@ def _initialised(declaration: re.Match, values: Sequence[str]) -> list[str]:
 
 
 def _without_casts(lines: list[str], name: str) -> list[str]:
-    """A constant array of rows is handed over as it is."""
     return [
         re.sub(rf"\(const \w+ \(\*\)(?:\[\d+\])+\){name}\b(?!\[)", name, line) for line in lines
     ]

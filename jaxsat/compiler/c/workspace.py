@@ -1,4 +1,4 @@
-"""Variables of a function of C that several of its parts need: fields of one structure."""
+"""Workspace of a C function: variables that several of its parts need, as fields of a structure."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -7,19 +7,19 @@ from jaxsat.compiler.c.statements import Statement, statements, texts_of
 from jaxsat.compiler.c.tidying import rolled
 
 _MANY = 24
-"""Elements that are set one by one; those of larger arrays in loops, where that can be."""
+"""Largest number of elements that are set one by one; larger arrays use loops if possible."""
 
 _DECLARED = re.compile(r"(?:const )?((?!return)\w+) (\w+(?:, \w+)*)((?:\[\d+\])*)")
 
 
 def declared(text: str) -> tuple[str, list[str], str]:
-    """The type, names and dimensions of the variables that a statement declares."""
+    """Return type, names and dimensions of the variables that a statement declares."""
     match = _DECLARED.match(text)
     return (match[1], match[2].split(", "), match[3]) if match else ("", [], "")
 
 
 class Workspace:
-    """The structure that a pointer points to; `kinds` are types and dimensions of its fields."""
+    """The structure behind a pointer; `kinds` are types and dimensions of its fields."""
 
     def __init__(
         self, pointer: str, kinds: Mapping[str, tuple[str, str]], block: Iterable[Statement]
@@ -35,12 +35,12 @@ class Workspace:
         self._place = re.compile(rf"(?<![\w>.])({'|'.join(kinds)})\b(\[)?")
 
     def declaration(self, kind: str) -> list[str]:
-        """The lines that define its type."""
+        """Return the lines that define its type."""
         fields = [f"  {kind} {name}{shape};" for name, (kind, shape) in self._kinds.items()]
         return ["typedef struct {", *fields, f"}} {kind};", ""]
 
     def moved(self, block: Iterable[Statement]) -> list[Statement]:
-        """The statements with its variables where they are: not declared, but set."""
+        """Return the statements with its variables as fields: not declared, but set."""
         parts: list[Statement] = []
         for one in block:
             if one.heads:
@@ -63,9 +63,9 @@ class Workspace:
         return parts
 
     def _there(self, text: str) -> str:
-        """A text that names the variables where they are.
+        """Return a text with its variables as fields.
 
-        No array is constant there: one of rows has to be made so where it is handed over.
+        No array is constant there: a row array must be cast where it is passed.
         """
 
         def place(match: re.Match) -> str:
@@ -76,7 +76,6 @@ class Workspace:
 
 
 def _without_declaration(text: str, moved: Mapping[str, tuple[str, str]]) -> Sequence[str]:
-    """A statement without the declarations of variables that are elsewhere."""
     kind, names, dimensions = declared(text)
     if not any(name in moved for name in names):
         return [text]
@@ -88,7 +87,7 @@ def _without_declaration(text: str, moved: Mapping[str, tuple[str, str]]) -> Seq
 
 
 def _elements(place: str, value: str) -> Iterator[tuple[str, str]]:
-    """What an initialiser sets, element by element."""
+    """Yield the assignments of an initialiser, element by element."""
     if not value.startswith("{"):
         yield place, value
         return

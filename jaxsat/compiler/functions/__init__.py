@@ -39,7 +39,7 @@ from jaxsat.core.once import once
 
 
 def _of_any_float(function: Callable) -> Callable:
-    """The function on doubles for any real arguments, its result in the first one's type."""
+    """Return the function on doubles for any real arguments, its result in the first one's type."""
 
     @wraps(function)
     def converted(*arguments: jax.Array) -> jax.Array | tuple[jax.Array, ...]:
@@ -62,9 +62,9 @@ FUNCTIONS: dict[str, Callable] = {
 
 @once
 def program(name: str, *dtypes: DTypeLike) -> Jaxpr:
-    """The jaxpr of `FUNCTIONS[name]` for one number of each type.
+    """Return the jaxpr of `FUNCTIONS[name]` for one number of each type.
 
-    It is traced with 64-bit types whatever the caller's setting, for it computes in them.
+    It is traced with 64-bit types, in which it computes, whatever the caller's setting.
     """
     with jax.enable_x64(True):
         return jaxpr_of(FUNCTIONS[name], *(np.zeros((), dtype) for dtype in dtypes))

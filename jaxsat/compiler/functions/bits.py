@@ -1,9 +1,9 @@
 """Parts of a double: its bits, powers of two, halves whose products are exact.
 
-A compiler may fuse a*b + c into one rounding. What is written here and in the modules beside does
-not depend on whether it does: wherever a rounding error is carried on, the product before it is of
-factors cut to 26 bits (by masking, which no compiler undoes) or of a constant with trailing zeros,
-hence exact, and fusing an exact product changes nothing. Two-sums have no products.
+A compiler may fuse a*b + c into one rounding. Results of this package do not depend on it: wherever
+a rounding error is used further, the product before it is of factors cut to 26 bits (by masking,
+which no compiler undoes) or of a constant with trailing zeros, hence exact, and fusing an exact
+product changes nothing. Two-sums have no products.
 """
 
 from collections.abc import Sequence
@@ -27,73 +27,73 @@ _COEFFICIENTS = data_of("jaxsat.compiler.functions", "coefficients.toml")
 
 
 def double_of(bits: Integer) -> Double:
-    """The double with these bits."""
+    """Return the double with these bits."""
     return lax.bitcast_convert_type(bits, jnp.float64)
 
 
 def select(condition: Truth, x: ArrayLike, y: ArrayLike) -> Double:
-    """`x` where the condition holds, else `y`; numbers become doubles of its shape."""
+    """Return `x` where the condition holds, else `y`; numbers become doubles of its shape."""
     shape = jnp.shape(condition)
     x, y = (v if jnp.shape(v) == shape else lax.full(shape, v, jnp.float64) for v in (x, y))
     return lax.select(condition, x, y)
 
 
 def shift_right(bits: Integer, count: int) -> Integer:
-    """Shift to the right, zeros coming in."""
+    """Shift to the right, filling with zeros."""
     return lax.shift_right_logical(bits, lax.full_like(bits, count))
 
 
 def negative(x: Double) -> Truth:
-    """Whether the sign bit is set: true of -0.0 as well."""
+    """Whether the sign bit is set, also that of -0.0."""
     return bits_of(x) < 0
 
 
 def with_sign_of(x: Double, y: Double) -> Double:
-    """`x`, whose sign bit is clear, with the sign bit of `y`."""
+    """Return `x`, whose sign bit is clear, with the sign bit of `y`."""
     return double_of(bits_of(x) | (bits_of(y) & SIGN))
 
 
 def power_of_two(n: Integer) -> Double:
-    """2^n of an integer from -1022 to 1023."""
+    """Return 2^n of an integer from -1022 to 1023."""
     return double_of((n + np.int64(1023)) << 52)
 
 
 def scaled(x: Double, n: Integer) -> Double:
-    """x 2^n, rounded once, for a normal x near one and any n from -2040 to 2040."""
+    """Return x 2^n, rounded once, for a normal x near one and any n from -2040 to 2040."""
     half = n >> 1
     return x * power_of_two(half) * power_of_two(n - half)
 
 
 def rounded(x: Double) -> tuple[Double, Integer]:
-    """The nearest whole number (ties to even), |x| < 2^51, as a double and as an integer."""
+    """Return the nearest integer (ties to even), |x| < 2^51, as a double and as an integer."""
     whole = lax.round(x, lax.RoundingMethod.TO_NEAREST_EVEN)
     return whole, bits_of(whole + ROUNDER) - _ROUNDER_BITS
 
 
 def to_double(n: Integer) -> Double:
-    """An integer below 2^51 in size as a double (no instruction for it below AVX-512)."""
+    """Return an integer below 2^51 in size as a double (no instruction for it below AVX-512)."""
     return double_of(n + _ROUNDER_BITS) - ROUNDER
 
 
 def upper(x: Double) -> Double:
-    """The upper 26 bits of a double: the product of two such numbers is exact."""
+    """Return the upper 26 bits of a double: the product of two such numbers is exact."""
     return double_of(bits_of(x) & _UPPER_26)
 
 
 def upper_17(x: Double) -> Double:
-    """The upper 17 bits of a double: its cube is exact."""
+    """Return the upper 17 bits of a double: its cube is exact."""
     return double_of(bits_of(x) & _UPPER_17)
 
 
 def mantissa_and_exponent(x: Double, lowest: float) -> tuple[Double, Integer]:
-    """m and k of x = m 2^k with m from `lowest` to twice that; x is positive and normal."""
+    """Return m and k of x = m 2^k with m from `lowest` to twice that; x is positive and normal."""
     bits = bits_of(x)
     k = (bits - np.float64(lowest).view(np.int64)) >> 52
     return double_of(bits - (k << 52)), k
 
 
 def fast_two_sum(x: Double, y: Double) -> tuple[Double, Double]:
-    """x + y, rounded, and its rounding error; |x| >= |y| or the sum is exact.
+    """Return x + y, rounded, and its rounding error; |x| >= |y| or the sum is exact.
 
     x may be a constant: XLA would simplify (x + y) - x then, but not x - (x + y).
     """
@@ -102,10 +102,10 @@ def fast_two_sum(x: Double, y: Double) -> tuple[Double, Double]:
 
 
 def quotient(num: Double, num_low: ArrayLike, den: Double, den_low: ArrayLike) -> Double:
-    """(num + num_low)/(den + den_low) with hardly more than the last rounding's error.
+    """Return (num + num_low)/(den + den_low) with hardly more than the last rounding's error.
 
-    The first estimate is cut to 26 bits, so that the remainder of the division is exact. Where
-    that would be subnormal the plain quotient is taken, without the low parts.
+    The first estimate is cut to 26 bits, so that the remainder of the division is exact. Where that
+    would be subnormal the plain quotient is used, without the low parts.
     """
     inverse = 1.0 / den
     plain = num * inverse
@@ -117,12 +117,12 @@ def quotient(num: Double, num_low: ArrayLike, den: Double, den_low: ArrayLike) -
 
 
 def fitted(name: str) -> tuple[float, ...]:
-    """Coefficients of a polynomial of `coefficients.toml`, lowest power first."""
+    """Return the coefficients of a polynomial of `coefficients.toml`, lowest power first."""
     return tuple(_COEFFICIENTS[name])
 
 
 def polynomial(x: Double, coefficients: Sequence[float]) -> Double:
-    """A polynomial, lowest power first, by Estrin's scheme: few steps wait for one another."""
+    """Evaluate a polynomial, lowest power first, by Estrin's scheme: a short critical path."""
     terms: list[Double | float] = list(coefficients)
     while len(terms) > 1:
         pairs = [low + high * x for low, high in zip(terms[::2], terms[1::2], strict=False)]
@@ -132,7 +132,7 @@ def polynomial(x: Double, coefficients: Sequence[float]) -> Double:
 
 
 def horner(x: Double, coefficients: Sequence[float | Double]) -> Double:
-    """A polynomial, lowest power first, by Horner's scheme: few operations."""
+    """Evaluate a polynomial, lowest power first, by Horner's scheme: few operations."""
     total = jnp.asarray(coefficients[-1])
     for coefficient in reversed(coefficients[:-1]):
         total = coefficient + total * x

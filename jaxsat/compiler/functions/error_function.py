@@ -41,19 +41,19 @@ def erf(x: Double) -> Double:
 
 
 def erfc(x: Double) -> Double:
-    """One less the error function, accurate where that is small."""
+    """Complementary error function, 1 - erf, accurate where it is small."""
     far = _complement(lax.abs(x))
     near = 1.0 - _near_zero(x)
     return select(lax.abs(x) < 0.5, near, select(x < 0.0, 2.0 - far, far))
 
 
 def _near_zero(x: Double) -> Double:
-    """The error function of |x| < 0.9."""
+    """Return the error function of |x| < 0.9."""
     return x + x * polynomial(x * x, _ERROR_FUNCTION)
 
 
 def _complement(x: Double) -> Double:
-    """The complement for x from 1/2 on."""
+    """Return the complement for x from 1/2 on."""
     x = bounded(x, 0.5, 28.0)
     cut = upper(x)
     e, e_low, n = exp_pair(-(cut * cut), -((x - cut) * (x + cut)))
@@ -80,7 +80,7 @@ def erf_inv(x: Double) -> Double:
 
 
 def near_erf_inv(x: Double) -> tuple[Double, Truth]:
-    """`erf_inv` in fewer steps; and where it is wrong: in a thousandth of (-1, 1), and outside."""
+    """`erf_inv` in fewer steps, and where it is wrong: in a thousandth of (-1, 1), and outside."""
     one_less_square = (1.0 - x) * (1.0 + x)
     factor = _in_the_middle(-near_log(one_less_square))
     return x * factor, ~(one_less_square > _TAIL_BEGINS)

@@ -70,20 +70,20 @@ def logistic(x: Double) -> Double:
 
 
 def exp_parts(x: Double, low: Double | None = None) -> tuple[Double, Integer]:
-    """exp(x + low) as a number near one and a power of two; `low` is x's rounding error."""
+    """Return exp(x + low) as a number near one and a power of two; `low` is x's rounding error."""
     r, rest, n = _reduced(x, low)
     return 1.0 + (r + (r * r * polynomial(r, _EXPONENTIAL) + rest)), n
 
 
 def exp_pair(x: Double, low: Double | None = None) -> tuple[Double, Double, Integer]:
-    """exp(x + low) as a number near one, its rounding error and a power of two."""
+    """Return exp(x + low) as a number near one, its rounding error and a power of two."""
     r, rest, n = _reduced(x, low)
     tail = r + (r * r * polynomial(r, _EXPONENTIAL) + rest)
     return *fast_two_sum(lax.full_like(x, 1.0), tail), n
 
 
 def expm1_pair(x: Double) -> tuple[Double, Double]:
-    """exp(x) - 1 and its rounding error, for x in [0, 40]."""
+    """Return exp(x) - 1 and its rounding error, for x in [0, 40]."""
     r, low, n = _reduced(x)
     power = power_of_two(n)
     total, error = fast_two_sum(power - 1.0, power * r)
@@ -91,12 +91,12 @@ def expm1_pair(x: Double) -> tuple[Double, Double]:
 
 
 def bounded(x: Double, least: float, most: float) -> Double:
-    """`x` within bounds; NaN stays."""
+    """Return `x` within bounds; NaN stays."""
     return select(x < least, least, select(x > most, most, x))
 
 
 def _reduced(x: Double, low: Double | None = None) -> tuple[Double, Double, Integer]:
-    """r, its rounding error and n of x + low = n log(2) + r."""
+    """Return r, its rounding error and n of x + low = n log(2) + r."""
     whole, n = rounded(x * LOG2_E)
     upper = x - whole * LOG2_UPPER
     lower = whole * -LOG2_LOWER if low is None else low - whole * LOG2_LOWER
@@ -116,7 +116,7 @@ def log(x: Double) -> Double:
 
 
 def near_log(x: Double) -> Double:
-    """The natural logarithm of a positive normal number."""
+    """Return the natural logarithm of a positive normal number."""
     mantissa, k = mantissa_and_exponent(x, SQRT_HALF)
     return _sum(mantissa - 1.0, None, to_double(k))
 
@@ -134,21 +134,21 @@ def log1p(x: Double) -> Double:
 
 
 def log_of_pair(x: Double, low: Double, doublings: Integer) -> Double:
-    """log((x + low) 2^doublings) of an x from one on and a much smaller `low`."""
+    """Return log((x + low) 2^doublings) of an x from one on and a much smaller `low`."""
     mantissa, k = mantissa_and_exponent(x, SQRT_HALF)
     low = low * power_of_two(-lax.min(k, lax.full_like(k, 1000)))
     return _sum(mantissa - 1.0, low, to_double(k + doublings))
 
 
 def split(x: Double) -> tuple[Double, Integer]:
-    """The mantissa from sqrt(1/2) to sqrt(2) and the exponent of any positive x."""
+    """Return the mantissa from sqrt(1/2) to sqrt(2) and the exponent of any positive x."""
     tiny = x < MIN_NORMAL
     mantissa, k = mantissa_and_exponent(select(tiny, x * 2.0**54, x), SQRT_HALF)
     return mantissa, k - lax.select(tiny, lax.full_like(k, 54), lax.full_like(k, 0))
 
 
 def _sum(f: Double, lost: Double | None, k: Double) -> Double:
-    """log(1 + f + lost) + k log(2); `lost` is None for nothing."""
+    """Return log(1 + f + lost) + k log(2); `lost` is None for zero."""
     s = f / (2.0 + f)
     z = s * s
     half = 0.5 * f * f
@@ -161,6 +161,6 @@ def _sum(f: Double, lost: Double | None, k: Double) -> Double:
 
 
 def _at_the_ends(x: Double, value: Double) -> Double:
-    """The logarithm of zero, negative numbers, infinity and NaN beside the usual value."""
+    """Replace the logarithm of zero, negative numbers, infinity and NaN by its special value."""
     below = select(x == 0.0, -np.inf, np.nan)
     return select((x > 0.0) & (x < np.inf), value, select(x == np.inf, np.inf, below))

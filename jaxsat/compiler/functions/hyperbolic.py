@@ -43,8 +43,7 @@ def cosh(x: Double) -> Double:
 def tanh(x: Double) -> Double:
     """Hyperbolic tangent: t/(t + 2) with t = exp(2 |x|) - 1.
 
-    Where t < 2, what the roundings of t and t + 2 change is put back; 1/(t + 2) is half of
-    1 - tanh.
+    Where t < 2, the effect of rounding t and t + 2 is corrected; 1/(t + 2) is half of 1 - tanh.
     """
     size = lax.abs(x)
     t, t_low = expm1_pair(2.0 * select(size > 20.0, 20.0, size))
@@ -55,13 +54,13 @@ def tanh(x: Double) -> Double:
 
 
 def _half_exp(x: Double) -> Double:
-    """exp(|x|)/2, finite wherever sinh is."""
+    """Return exp(|x|)/2, finite wherever sinh is."""
     e, n = exp_parts(bounded(lax.abs(x), 0.0, 711.0))
     return scaled(e, n - 1)
 
 
 _LARGE = 2.0**28
-"""From here on the root is x itself."""
+"""Size of x from which the root is x itself."""
 
 
 def asinh(x: Double) -> Double:
@@ -98,7 +97,7 @@ def atanh(x: Double) -> Double:
 
 
 def _log_of_sum_with_root(x: Double, one: float) -> Double:
-    """log(x + sqrt(x^2 + one)) of x from 1/2 or, with -1, from 3/2."""
+    """Return log(x + sqrt(x^2 + one)) of x from 1/2 or, with -1, from 3/2."""
     large = x > _LARGE
     size = select(large | (x < 0.5), 2.0, x)
     cut = upper(size)

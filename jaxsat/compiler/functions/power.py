@@ -57,7 +57,7 @@ def pow(x: Double, y: Double) -> Double:
 
 
 def _logarithm(x: Double) -> tuple[Double, Double]:
-    """log(x) of a positive finite x as 26 bits and the rest, together 64 bits and more."""
+    """Return log(x) of a positive finite x as 26 bits and a remainder, together over 64 bits."""
     mantissa, k = split(x)
     num, den = mantissa - 1.0, mantissa + 1.0
     inverse = 1.0 / den
@@ -91,14 +91,14 @@ def _logarithm(x: Double) -> tuple[Double, Double]:
 
 
 def _in_range(product: Double, rest: Double) -> tuple[Double, Double]:
-    """An exponent in two parts, kept where exp is 0 or infinite at the ends."""
+    """Return an exponent in two parts, clipped where exp is 0 or infinite."""
     inside = lax.abs(product) < 800.0
     ends = bounded(product, -800.0, 800.0)
     return select(inside, product, ends), select(inside, rest, 0.0)
 
 
 def _signs_and_ones(x: Double, y: Double, value: Double) -> Double:
-    """`value`, the power of |x|, with the sign of x^y, NaN where it has none, and the ones."""
+    """Return `value`, the power of |x|, with the sign of x^y, NaN where it has none, and ones."""
     whole = rounded_down(y) == y
     half = 0.5 * y
     odd = whole & (rounded_down(half) != half)
@@ -111,7 +111,7 @@ def _signs_and_ones(x: Double, y: Double, value: Double) -> Double:
 
 
 def rounded_down(x: Double) -> Double:
-    """The largest whole number that is not above x."""
+    """Return the largest integer that is not above x."""
     return lax.floor(x)
 
 
@@ -135,7 +135,7 @@ def cbrt(x: Double) -> Double:
 
 
 def _in_thirds(mantissa: Double, k: Integer) -> tuple[Integer, Double, Double]:
-    """n, m from 1 to 8 and an estimate of m^(-1/3) of mantissa 2^k = m 2^(3 n)."""
+    """Return n, m from 1 to 8 and an estimate of m^(-1/3) of mantissa 2^k = m 2^(3 n)."""
     whole, third = rounded((to_double(k) - 1.0) * (1 / 3))
     remainder = to_double(k) - 3.0 * whole
     estimate = polynomial(mantissa, _RECIPROCAL_CUBE_ROOT)

@@ -1,4 +1,4 @@
-"""Reduction of angles by multiples of pi/2, right to the last bit for every double.
+"""Reduction of angles by multiples of pi/2, correct to the last bit for every double.
 
 Below 2^20: Cody and Waite with pi/2 in four pieces, the first three of 33 bits, so that their
 products with the multiple are exact (as in fdlibm's e_rem_pio2.c, Sun Microsystems, 1993). Above:
@@ -45,9 +45,9 @@ _TWO_OVER_PI_BITS = tuple(
 
 
 def reduced(x: Double) -> tuple[Double, Double, Integer]:
-    """r, its rounding error and the multiple q mod 4 of x = q pi/2 + r, |r| <= pi/4.
+    """Return r, its rounding error and the multiple q mod 4 of x = q pi/2 + r, |r| <= pi/4.
 
-    NaN of what is not finite. The wide reduction runs where any element needs it.
+    NaN for infinite or NaN x. The wide reduction runs where any element needs it.
     """
     wide = _is_wide(x)
     if jnp.ndim(wide) == 0:
@@ -61,7 +61,7 @@ def _is_wide(x: Double) -> Truth:
 
 
 def _narrow(x: Double) -> tuple[Double, Double, Integer]:
-    """For |x| < 2^20. Differences are exact, or their errors are carried on."""
+    """Reduce |x| < 2^20. Differences are exact, or their errors are used further."""
     multiple, whole = rounded(x * _TWO_OVER_PI)
     first, second, third, last = _PIECES
     y = x - multiple * first
@@ -74,7 +74,7 @@ def _narrow(x: Double) -> tuple[Double, Double, Integer]:
 
 
 def _any(x: Double) -> tuple[Double, Double, Integer]:
-    """The wide reduction where it is needed, the narrow one elsewhere."""
+    """Reduce widely where needed, narrowly elsewhere."""
     wide = _is_wide(x)
     far, near = _far(select(wide, x, 1.0)), _narrow(select(wide, 1.0, x))
     r, low = (select(wide, f, n) for f, n in zip(far[:2], near[:2], strict=True))
@@ -82,7 +82,7 @@ def _any(x: Double) -> tuple[Double, Double, Integer]:
 
 
 def _far(x: Double) -> tuple[Double, Double, Integer]:
-    """The wide reduction, for both signs."""
+    """Reduce widely, for both signs."""
     r, low, multiple = _wide(lax.abs(x))
     sign = select(negative(x), -1.0, 1.0)
     quadrant = lax.select(negative(x), -multiple, multiple) & np.int64(3)
@@ -90,7 +90,7 @@ def _far(x: Double) -> tuple[Double, Double, Integer]:
 
 
 def _wide(x: Double) -> tuple[Double, Double, Integer]:
-    """For positive x of at least 2^-1, in fixed point: two bits of quadrant, 126 of fraction."""
+    """Reduce positive x of at least 2^-1 in fixed point: two bits of quadrant, 126 of fraction."""
     bits = bits_of(x)
     mantissa = (bits & np.int64(2**52 - 1)) | np.int64(2**52)
     # x = mantissa 2^e; bits of 2/pi that weigh 4 and more times it make whole turns.
@@ -107,7 +107,7 @@ def _wide(x: Double) -> tuple[Double, Double, Integer]:
 
 
 def _window(start: Integer) -> tuple[Integer, Integer, Integer]:
-    """192 bits of 2/pi from bit `start`."""
+    """Return 192 bits of 2/pi from bit `start`."""
     table, first = jnp.asarray(_TWO_OVER_PI_BITS), (start >> 6).astype(jnp.int32)
     words = [
         table.at[first + np.int32(i)].get(mode="promise_in_bounds", wrap_negative_indices=False)
@@ -122,7 +122,7 @@ def _window(start: Integer) -> tuple[Integer, Integer, Integer]:
 
 
 def _wide_product(x: Integer, y: Integer) -> tuple[Integer, Integer]:
-    """The upper and lower 64 bits of a product of unsigned words, x below 2^53."""
+    """Return the upper and lower 64 bits of a product of unsigned words, x below 2^53."""
     lower = np.int64(2**32 - 1)
     x_high, x_low = shift_right(x, 32), x & lower
     y_high, y_low = shift_right(y, 32), y & lower
@@ -137,7 +137,7 @@ def _unsigned_less(x: Integer, y: Integer) -> Truth:
 
 
 def _times_half_pi(high: Integer, low: Integer) -> tuple[Double, Double]:
-    """A signed fraction of 126 bits after the point, times pi/2, with its rounding error."""
+    """Return a signed fraction of 126 bits after the point, times pi/2, with its rounding error."""
     minus = high < 0
     borrow = (low == 0).astype(jnp.int64)
     high = lax.select(minus, ~high + borrow, high)
@@ -159,5 +159,4 @@ def _times_half_pi(high: Integer, low: Integer) -> tuple[Double, Double]:
 
 
 def _word_to_double(word: Integer) -> Double:
-    """A word of 32 bits as a double, by bits."""
     return double_of(word | np.int64(0x433 << 52)) - 2.0**52

@@ -1,4 +1,4 @@
-"""sin, cos and tan, right for every double; their inverses, one polynomial each."""
+"""sin, cos and tan, accurate for every double; their inverses, one polynomial each."""
 
 import numpy as np
 from jax import lax
@@ -46,7 +46,7 @@ def cos(x: Double) -> Double:
 
 
 def sincos(x: Double) -> tuple[Double, Double]:
-    """Sine and cosine, which share everything but the choice at the end."""
+    """Sine and cosine, which share everything but the selection at the end."""
     r, low, quadrant = reduced(x)
     z = r * r
     half = 0.5 * z
@@ -58,25 +58,25 @@ def sincos(x: Double) -> tuple[Double, Double]:
 
 
 def near_sincos(x: Double) -> tuple[Double, Double, Truth]:
-    """Both in fewer steps, as if alone, one unit in the last place worse; and where it is wrong."""
+    """Sine and cosine in fewer steps, one ulp less accurate, and where they are wrong."""
     sine, wrong = near_sin(x)
     return sine, near_cos(x)[0], wrong
 
 
 def near_sin(x: Double) -> tuple[Double, Truth]:
-    """Sine in fewer steps, valid below a size that is seldom exceeded; and where it is wrong."""
+    """Sine in fewer steps, valid below a size that is seldom exceeded, and where it is wrong."""
     size = lax.abs(x)
     return sin_of(x, *reduced_by_half_turns(size)), size >= NEAR_LIMIT
 
 
 def near_cos(x: Double) -> tuple[Double, Truth]:
-    """Cosine in the same way."""
+    """Cosine in fewer steps, and where it is wrong."""
     size = lax.abs(x)
     return cos_of(*near(size)), size >= NEAR_LIMIT
 
 
 def _chosen(sine: Double, cosine: Double, quadrant: Integer) -> tuple[Double, Double]:
-    """Sine, without the sign of the quadrant, and cosine of the whole angle."""
+    """Return sine, without the sign of the quadrant, and cosine of the whole angle."""
     odd = is_odd(quadrant)
     cosine_of_all = signed(select(odd, sine, cosine), (quadrant + np.int64(1)) << 62)
     return select(odd, cosine, sine), cosine_of_all
@@ -127,7 +127,7 @@ def atan(x: Double) -> Double:
 
 
 def atan2(y: Double, x: Double) -> Double:
-    """The angle of the point (x, y), in all four quadrants, signs of zero obeyed."""
+    """Angle of the point (x, y) in all four quadrants, with the signs of zero."""
     rise, run = lax.abs(y), lax.abs(x)
     steep = rise > run
     small, large = select(steep, run, rise), select(steep, rise, run)
@@ -141,7 +141,7 @@ def atan2(y: Double, x: Double) -> Double:
 
 
 def near_atan2(y: Double, x: Double) -> tuple[Double, Truth]:
-    """`atan2` in fewer steps; and where it is wrong: at the origin and at numbers far from one."""
+    """`atan2` in fewer steps, and where it is wrong: at the origin and at numbers far from one."""
     rise, run = lax.abs(y), lax.abs(x)
     steep = rise > run
     small, large = select(steep, run, rise), select(steep, rise, run)
@@ -150,7 +150,7 @@ def near_atan2(y: Double, x: Double) -> tuple[Double, Truth]:
 
 
 def _angle(small: Double, large: Double, steep: Truth, back: Truth) -> Double:
-    """The angle from 0 to pi of a point at `small` and `large` distances from the axes."""
+    """Return the angle from 0 to pi of a point at `small` and `large` distances from the axes."""
     # Beyond pi/8 the angle is taken from the diagonal.
     middle = small > _TANGENT_OF_EIGHTH * large
     num = select(middle, small - large, small)
@@ -163,7 +163,7 @@ def _angle(small: Double, large: Double, steep: Truth, back: Truth) -> Double:
 
 
 def _arcsine(x: Double) -> tuple[Truth, Double]:
-    """Whether |x| > 1/2, and asin of |x| or, where it is, of sqrt((1 - |x|)/2)."""
+    """Return whether |x| > 1/2, and asin of |x| or, if so, of sqrt((1 - |x|)/2)."""
     size = lax.abs(x)
     large = size > 0.5
     rest = 0.5 * (1.0 - size)

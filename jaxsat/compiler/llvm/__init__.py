@@ -1,1 +1,1 @@
-"""A scalar program as machine code, by LLVM."""
+"""Printer of a scalar program as LLVM code, and its machine code."""

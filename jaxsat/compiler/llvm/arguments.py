@@ -1,8 +1,8 @@
-"""Arrays from outside: checked and copied before machine code is given their addresses.
+"""External arrays: checked and copied before machine code gets their addresses.
 
-Machine code goes by addresses alone. What it reads is therefore a copy of our own, of the shape and
-the type it was made for, aligned and without gaps; whatever happens meanwhile to the caller's array
-(it may be freed, resized or written by another thread) happens to that one.
+Machine code uses addresses alone. It therefore reads a copy of our own, of the shape and type for
+which it was made, aligned and without gaps, unaffected by changes to the caller's array (which may
+be freed, resized or written by another thread).
 """
 
 import ctypes
@@ -18,12 +18,12 @@ from jaxsat.compiler.llvm.emitter import ALIGNMENT
 from jaxsat.compiler.lowering import KINDS, number_type, numbers_in
 
 LARGEST = 8
-"""Bytes of the largest number that machine code knows."""
+"""Bytes of the largest number that machine code supports."""
 
 
 @dataclass(frozen=True)
 class Argument:
-    """What one array must be; with `per_case`, shape and type are those of one case's."""
+    """Requirements on one array; with `per_case`, shape and type are those of one case."""
 
     name: str
     shape: tuple[int, ...]
@@ -31,7 +31,7 @@ class Argument:
     per_case: bool
 
     def taken(self, x: Any) -> np.ndarray:
-        """A copy of `x` as numbers.
+        """Return a copy of `x` as numbers.
 
         Raises `TypeError` for numbers of a type that this one cannot represent, and `ValueError`
         for a wrong shape.
@@ -76,14 +76,14 @@ class Argument:
 
 @dataclass(frozen=True)
 class Arguments:
-    """What a program takes: trees by name, of which those in `per_case` have the axis of cases."""
+    """Arguments of a program: trees by name; those in `per_case` have the axis of cases."""
 
     structures: Mapping[str, Any]
     leaves: Sequence[Argument]
 
     @staticmethod
     def of(examples: Mapping[str, PyTree], avals: Sequence[Any], per_case: str) -> "Arguments":
-        """The arguments of a program of trees like the examples, traced as `avals`."""
+        """Return the arguments of a program of trees like the examples, traced as `avals`."""
         names = [
             (tree, tree + jax.tree_util.keystr(path))
             for tree, example in examples.items()
@@ -97,10 +97,10 @@ class Arguments:
         return Arguments(structures, leaves)
 
     def taken(self, trees: Mapping[str, PyTree]) -> tuple[list[np.ndarray], int]:
-        """Copies of all arrays, in order, and the number of cases.
+        """Return copies of all arrays, in order, and the number of cases.
 
         Raises `TypeError` and `ValueError` as `Argument.taken` does, and `ValueError` for trees of
-        another structure, numbers of cases that differ and no array of cases.
+        another structure, different numbers of cases, or none at all.
         """
         leaves: list[Any] = []
         for name, structure in self.structures.items():
@@ -129,7 +129,7 @@ class Arguments:
 
 
 class AlignedMemory:
-    """Memory for machine code, aligned and at first zero."""
+    """Memory for machine code, aligned and initially zero."""
 
     def __init__(self, size: int):
         room = np.zeros(size + ALIGNMENT, np.uint8)
@@ -139,14 +139,14 @@ class AlignedMemory:
 
 
 def addresses(arena: AlignedMemory, arrays: Sequence[np.ndarray]) -> ctypes.Array:
-    """The `pointers` of an entry point; arena and arrays must live as long as they are used."""
+    """Return the `pointers` of an entry point; arena and arrays must outlive their use."""
     return (ctypes.c_void_p * (1 + len(arrays)))(
         arena.address, *(array.ctypes.data for array in arrays)
     )
 
 
 def as_numbers(name: str, x: Any) -> np.ndarray:
-    """`x` as an array of numbers that machine code may know, in this machine's byte order."""
+    """Return `x` as an array of supported numbers, in this machine's byte order."""
     dtype = getattr(x, "dtype", None)
     if dtype is None or isinstance(dtype, np.dtype):  # and no type of JAX's own
         x = np.asarray(x)

@@ -1,4 +1,4 @@
-"""Machine code kept on disk, by a hash of all that it was made from.
+"""Cache of machine code on disk, by a hash of all its inputs.
 
 The folder is the platform's for caches, or that of the environment variable JAXSAT_CACHE_DIR.
 Writers of the same entry do not disturb one another: an entry appears whole or not at all.
@@ -6,11 +6,11 @@ Writers of the same entry do not disturb one another: an entry appears whole or 
 Machine code runs as it is, so whoever could write an entry could do whatever this user can. The
 folder and every entry are therefore this user's alone (on systems without owners and modes as POSIX
 has them, such as Windows, as private as their place). An entry begins with a hash (SHA-256) of its
-name and content: one that is damaged, or that stands under another's name, is not run, but made
-anew. The hash keeps nobody out, nor could a key that lies beside the entries. Access lists beyond
-the mode bits are not looked at.
+name and content: a damaged one, or one under another's name, is not run, but made anew. The hash
+keeps nobody out, nor could a key beside the entries. Access lists beyond the mode bits are not
+examined.
 
-Where the cache cannot be used, a `CacheWarning` tells why, once in a process.
+Where the cache cannot be used, a `CacheWarning` gives the reason, once in a process.
 """
 
 import contextlib
@@ -27,10 +27,10 @@ from pathlib import Path
 from jaxsat.compiler.llvm import target
 
 MOST_BYTES = 2**30
-"""Bytes of all entries together; those unused for longest are removed."""
+"""Largest total size of the entries, bytes; the least recently used ones are removed."""
 
 KINDS = (".o", ".kernel", ".measured")
-"""How the names of entries end: machine code, kernels (`kept`), and what flight code takes."""
+"""Suffixes of entries: machine code, kernels (`kept`), and measurements of flight code."""
 
 _BYTES = 32
 """Bytes of the hash before an entry's content."""
@@ -40,15 +40,15 @@ _threads = threading.Lock()
 
 
 class CacheWarning(UserWarning):
-    """Machine code cannot be kept; everything else works, but begins more slowly."""
+    """Machine code cannot be cached; everything else works, but starts more slowly."""
 
 
 class _Unusable(OSError):
-    """Why there is no place for a cache."""
+    """Reason why there is no place for a cache."""
 
 
 def folder() -> Path:
-    """Where machine code is kept. Raises `OSError` where no absolute path is known."""
+    """Return the folder of machine code. Raises `OSError` where no absolute path is known."""
     chosen = os.environ.get("JAXSAT_CACHE_DIR")
     if chosen:
         if not os.path.isabs(chosen):
@@ -75,7 +75,7 @@ def _home() -> Path:
 
 
 def object_code(text: str) -> bytes:
-    """Machine code of an LLVM text, from the cache or made and put there."""
+    """Return the machine code of an LLVM text, from the cache or made and put there."""
     host = target.host()
     made_from = (target.PASSES, target.version(), host.name, host.features, text)
     name = f"{hashlib.sha256(repr(made_from).encode()).hexdigest()}.o"
@@ -87,7 +87,7 @@ def object_code(text: str) -> bytes:
 
 
 def kept(name: str) -> bytes | None:
-    """What an entry contains; None where there is none, or none that was written here."""
+    """Return the content of an entry; None where there is none, or none that was written here."""
     try:
         place = private_folder(folder())
     except OSError as error:
@@ -102,7 +102,7 @@ def kept(name: str) -> bytes | None:
 
 
 def keep(name: str, content: bytes) -> None:
-    """Let an entry contain this, if there is a place for it."""
+    """Write an entry, if there is a place for it."""
     try:
         place = private_folder(folder())
         write(place / name, _hash(name, content) + content)
@@ -147,10 +147,10 @@ def _tell(error: OSError) -> None:
 ANYBODY_ELSE = stat.S_IRWXG | stat.S_IRWXO
 
 NEW = ".new-"
-"""How the names of files begin that are being written."""
+"""Prefix of files that are being written."""
 
 ABANDONED = 3600.0
-"""Seconds after which nobody writes such a file any more."""
+"""Age (s) from which such a file counts as abandoned."""
 
 _READ = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 _WRITE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
@@ -158,15 +158,15 @@ _BINARY = getattr(os, "O_BINARY", 0)
 
 
 class NotPrivate(OSError):
-    """A folder that others could have written to, or could put another one in the place of."""
+    """A folder that others could have written to, or could have replaced."""
 
 
 def private_folder(path: Path) -> Path:
-    """The real path of a folder of this user alone (mode 0700), which is made if need be.
+    """Return the real path of a folder of this user alone (mode 0700), created if necessary.
 
     Raises `NotPrivate` where it is a link or belongs to or can be written by somebody else, or
-    where somebody else could rename one of the folders it is in (which may be in a folder like
-    /tmp, whose sticky bit forbids that), and `OSError` where it cannot be made.
+    where somebody else could rename a parent folder (whose parent may be a folder like /tmp, whose
+    sticky bit forbids that), and `OSError` where it cannot be created.
     """
     for folder in (*reversed(path.parents), path):
         try:
@@ -202,7 +202,7 @@ def _others_write(status: os.stat_result) -> bool:
 
 
 def _is_own_group(number: int) -> bool:
-    """Whether a group has this user as its one member, as many systems make one for each user."""
+    """Whether a group has this user as its only member, as many systems create for each user."""
     import grp
     import pwd
 
@@ -215,7 +215,7 @@ def _is_own_group(number: int) -> bool:
 
 
 def read(path: Path) -> bytes | None:
-    """What a file holds; None unless it is a plain file that this user alone can read and write."""
+    """Return the content of a plain file that this user alone can read and write, else None."""
     try:
         handle = os.open(path, _READ | _BINARY)
     except OSError:
@@ -232,7 +232,6 @@ def read(path: Path) -> bytes | None:
 
 
 def _is_ours(status: os.stat_result) -> bool:
-    """Whether a file is a plain one that this user alone can read and write."""
     if not hasattr(os, "geteuid"):
         return stat.S_ISREG(status.st_mode)
     owned = status.st_uid == os.geteuid() and not status.st_mode & ANYBODY_ELSE
@@ -240,7 +239,7 @@ def _is_ours(status: os.stat_result) -> bool:
 
 
 def write(path: Path, content: bytes) -> None:
-    """Let a file hold `content`: whole or not at all. Raises `OSError`."""
+    """Write `content` to a file, whole or not at all. Raises `OSError`."""
     new = path.with_name(NEW + secrets.token_hex(8))
     handle = os.open(new, _WRITE | _BINARY, stat.S_IRUSR | stat.S_IWUSR)
     try:
@@ -253,7 +252,7 @@ def write(path: Path, content: bytes) -> None:
 
 
 def remove_abandoned(folder: Path) -> None:
-    """Remove what writers left that were killed."""
+    """Remove the files of writers that were killed."""
     for new in folder.glob(NEW + "*"):
         with contextlib.suppress(OSError):
             if time.time() - new.lstat().st_mtime > ABANDONED:

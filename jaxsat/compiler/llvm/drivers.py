@@ -1,5 +1,4 @@
-"""Functions in LLVM: loops around entry points, over blocks of cases or lanes that finish by
-themselves, and moves of numbers between arrays of cases and the lanes of vectors."""
+"""Functions in LLVM around entry points: loops over cases, and moves of numbers to lanes."""
 
 import ctypes
 from collections.abc import Sequence
@@ -8,21 +7,20 @@ from jaxsat.compiler.llvm.emitter import ALIGNMENT
 from jaxsat.core.package_files import template
 
 RUN = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 4)
-"""The type of the drivers `run`."""
+"""Type of the drivers `run`."""
 
 HISTORY = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 7, *[ctypes.c_int64] * 3)
-"""The type of the driver `history`."""
+"""Type of the driver `history`."""
 
 
 def _text(name: str, **values: object) -> str:
-    """The text of a file in `assets` after a line break."""
     return "\n" + template("jaxsat.compiler.llvm", f"assets/{name}", **values).removesuffix("\n")
 
 
 def run_blocks(lanes: int, entries: Sequence[str]) -> str:
-    """`run(pointers, state, begin, end, a, b)`: the entry points, vector after vector of cases.
+    """Return `run(pointers, state, begin, end, a, b)`: the entry points, vector by vector of cases.
 
-    The last vector's spare lanes compute its last case again and write nothing.
+    Spare lanes of the last vector compute its last case again and write nothing.
     """
     numbers = ", ".join(f"i64 {lane}" for lane in range(lanes))
     arguments = "ptr %pointers, ptr %state, ptr %cases, ptr %wanted, i64 %a, i64 %b"
@@ -31,12 +29,12 @@ def run_blocks(lanes: int, entries: Sequence[str]) -> str:
 
 
 def advance_lanes(lanes: int, going: int) -> str:
-    """`advance` of trajectories that have a pace each: `attempt` while any is `going`."""
+    """Return `advance` of trajectories with individual paces: `attempt` while any is `going`."""
     return _text("advance_lanes.ll", LANES=lanes, GOING=going, BITS=8 * lanes)
 
 
 def run_lanes(lanes: int, going: int) -> str:
-    """`run(pointers, state, begin, end, a, b)` where a lane whose case has ended takes the next.
+    """Return `run(pointers, state, begin, end, a, b)`: a lane whose case has ended takes the next.
 
     The entry points are those of `advance_lanes`, so a case has the same bits.
     """
@@ -45,22 +43,22 @@ def run_lanes(lanes: int, going: int) -> str:
 
 
 def history(lanes: int) -> str:
-    """`history(pointers, state, cases, wanted, places, instants, advance, count, stride, before)`.
+    """Return the driver `history`, which observes a vector of cases at given instants.
 
-    From the instant `before` on it goes by the entry point `advance` to each of so many instants,
-    of which the first may be the same, and observes a vector of cases there. What is seen of a case
-    goes to its place, `stride` further each time.
+    `history(pointers, state, cases, wanted, places, instants, advance, count, stride, before)` goes
+    by the entry point `advance` from the instant `before` to each of `count` instants, of which the
+    first may be the same. The observation of a case goes to its place, `stride` further each time.
     """
     return _text("history.ll", LANES=lanes)
 
 
 def _assigned(lane: int) -> str:
-    """The next case, if there is one, for a lane whose last one has ended."""
+    """Return the assignment of the next case, if any, to a lane whose last one has ended."""
     return _text("assigned.ll", LANE=lane, NEXT=lane + 1)
 
 
 def gather_text(name: str, kind: str, lanes: int) -> str:
-    """`gather(base, index)`: every lane's own element of an array."""
+    """Return `gather(base, index)`: every lane's own element of an array."""
     cells = f"<{lanes} x {kind}>"
     lines = [f"define internal {cells} {name}(ptr %base, <{lanes} x i64> %index) noinline #0 {{"]
     whole = "poison"
@@ -76,7 +74,7 @@ def gather_text(name: str, kind: str, lanes: int) -> str:
 
 
 def scatter_text(name: str, kind: str, lanes: int) -> str:
-    """`scatter(base, index, value, lane)`: what the lanes chosen put into an array."""
+    """Return `scatter(base, index, value, lane)`: stores of the selected lanes into an array."""
     cells = f"<{lanes} x {kind}>"
     lines = [
         f"define internal void {name}(ptr %base, <{lanes} x i64> %index, {cells} %value, "
@@ -98,8 +96,8 @@ def scatter_text(name: str, kind: str, lanes: int) -> str:
 
 
 def copy_text(name: str, kind: str, lanes: int) -> str:
-    """`copy(base, index, place, count, lane)`: elements of an array, one vector after the other.
+    """Return `copy(base, index, place, count, lane)`: elements of an array, vector by vector.
 
-    It calls `gather`; vectors are `ALIGNMENT` bytes apart, and lanes not chosen keep theirs.
+    It calls `gather`; vectors are `ALIGNMENT` bytes apart, and lanes not selected keep theirs.
     """
     return _text("copy.ll", LANES=lanes, NAME=name, KIND=kind, ALIGNMENT=ALIGNMENT)

@@ -1,4 +1,4 @@
-"""The text of LLVM code while it is printed: types, constants, modules, names, operands, memory."""
+"""Text of LLVM code during printing: types, constants, modules, names, operands, memory."""
 
 import abc
 import struct
@@ -18,29 +18,29 @@ TYPES = {"float64": "double", "float32": "float", "bool": "i1"} | {
 
 @once
 def scalar_type(dtype: np.dtype) -> str:
-    """The type of one number."""
+    """Return the type of one number."""
     return TYPES[dtype.name]
 
 
 @once
 def vector_type(dtype: np.dtype, lanes: int) -> str:
-    """The type of a number in every lane."""
+    """Return the type of a number in every lane."""
     return f"<{lanes} x {scalar_type(dtype)}>"
 
 
 def type_of(x, lanes: int) -> str:
-    """The type of a value of the program; constants are scalars."""
+    """Return the type of a value of the program; constants are scalars."""
     uniform = not isinstance(x, Value) or x.uniform
     return scalar_type(x.dtype) if uniform else vector_type(x.dtype, lanes)
 
 
 def memory_type(dtype: np.dtype) -> str:
-    """The type of one number in memory."""
+    """Return the type of one number in memory."""
     return "i8" if dtype.kind == "b" else scalar_type(dtype)
 
 
 def constant(x: np.generic) -> str:
-    """A number."""
+    """Return the text of a number."""
     if x.dtype.kind == "b":
         return "true" if x else "false"
     if x.dtype.kind == "f":
@@ -49,7 +49,7 @@ def constant(x: np.generic) -> str:
 
 
 def conversion(old: np.dtype, new: np.dtype) -> str:
-    """The instruction that makes a number of one type one of another; not of floats to integers."""
+    """Return the instruction that converts between types, except from floats to integers."""
     if old.kind == "f":
         return "fptrunc" if new.itemsize < old.itemsize else "fpext"
     if new.kind == "f":
@@ -60,33 +60,33 @@ def conversion(old: np.dtype, new: np.dtype) -> str:
 
 
 def suffix(dtype: np.dtype, lanes: int | None) -> str:
-    """The ending of an intrinsic function's name: v16f64 or f64."""
+    """Return the suffix of an intrinsic function's name: v16f64 or f64."""
     kind = "f" if dtype.kind == "f" else "i"
     bits = 1 if dtype.kind == "b" else dtype.itemsize * 8
     return f"{kind}{bits}" if lanes is None else f"v{lanes}{kind}{bits}"
 
 
 COLD = "!0"
-"""Weights of a switch whose second branch hardly ever runs: its costs stay out of the first."""
+"""Weights of a switch whose second branch hardly ever runs, to keep its costs out of the first."""
 
 ON_STACK = 64 << 10
-"""Bytes of memories of a module that are on the stack; further ones are in its arena."""
+"""Largest total size of a module's memories on the stack, bytes; others are in its arena."""
 
 MAX_ARENA = 1 << 30
-"""Bytes of an arena, of which every thread has one."""
+"""Largest size of an arena, bytes; every thread has one."""
 
 ALIGNMENT = 128
-"""Bytes that addresses of memory for vectors are multiples of: the largest vector."""
+"""Alignment of memory for vectors, bytes: that of the largest vector."""
 
 NUMBER = 8
 """Bytes of the largest number."""
 
 LARGEST = STACK // 2
-"""Bytes that all values of a module together may take, so that any of them may be on the stack."""
+"""Largest total size of a module's values, bytes, so that any of them may be on the stack."""
 
 
 LANES = (1, 2, 4, 8, 16)
-"""Numbers of cases in a vector: its cells have no gaps between them, and are aligned."""
+"""Allowed numbers of cases in a vector: its cells have no gaps, and are aligned."""
 
 
 def require_lanes(lanes: int, name: str = "lanes") -> None:
@@ -96,12 +96,12 @@ def require_lanes(lanes: int, name: str = "lanes") -> None:
 
 
 class Module:
-    """The text of a module: functions, constant arrays and declarations of what is used.
+    """Text of a module: functions, constant arrays and declarations.
 
     With `masks` the processor stores some lanes of a vector at once. A module that `fuses` has
     products and sums as one operation with one rounding (`FunctionEmitter`). Memories too large for
     the stack are in the *arena*, `arena` bytes that the caller provides to each of its threads.
-    Every memory has a place of its own in it, as no function is ever called inside itself.
+    Every memory has its own place in it, as there is no recursion.
     """
 
     def __init__(self, lanes: int, masks: bool = False, fuses: bool = False):
@@ -115,7 +115,7 @@ class Module:
         self._offsets: dict[int, int | None] = {}  # by the number of the memory
 
     def offset(self, memory: Memory) -> int | None:
-        """Where in the arena a memory is; None if it is on the stack.
+        """Return the offset of a memory in the arena; None if it is on the stack.
 
         Raises `CannotLower` where the arena becomes too large.
         """
@@ -135,7 +135,7 @@ class Module:
         return self._offsets[memory.number]
 
     def constant(self, memory: Memory) -> str:
-        """The name of a memory that is never written, the same in all functions."""
+        """Return the name of a memory that is never written, the same in all functions."""
         if memory.number not in self._constants:
             assert memory.initial is not None
             kind = memory_type(memory.dtype)
@@ -147,7 +147,7 @@ class Module:
         return self._constants[memory.number].split(" ", 1)[0]
 
     def text(self, attributes: str) -> str:
-        """All of it, every function with these attributes.
+        """Return the whole text, every function with these attributes.
 
         Raises `CannotLower` for so many lines that their values might not all be on the stack.
         """
@@ -161,7 +161,7 @@ class Module:
 
 
 class AbstractEmitter(abc.ABC):
-    """The lines of one function while it is printed: what is written of values and memory."""
+    """Lines of one function during printing: access to values and memory."""
 
     def __init__(self, module: Module):
         self.module = module
@@ -177,27 +177,27 @@ class AbstractEmitter(abc.ABC):
         self._names: dict[int, str] = {}
 
     def text(self) -> list[str]:
-        """Its lines, room on the stack first."""
+        """Return its lines, stack memory first."""
         return ["entry:", *self._first, *self.written]
 
     def line(self, line: str) -> None:
-        """One more."""
+        """Append a line."""
         self.written.append(line)
 
     def fresh(self, prefix: str = "t") -> str:
-        """A name that is not in use."""
+        """Return an unused name."""
         self._count += 1
         return f"%{prefix}{self._count}"
 
     def name(self, value: Value) -> str:
-        """The name of a value of the program; one with a reader is read again in every block."""
+        """Return the name of a value; one with a reader is read again in every block."""
         reader = self.readers.get(value.number)
         if reader is None:
             return self._names.setdefault(value.number, f"%v{len(self._names)}")
         return self.once_in_block(("value", value.number), reader)
 
     def once_in_block(self, key: tuple[str, int], reader: Callable[[str], None]) -> str:
-        """The name of what `reader` gives a name to, here or in a block around this one."""
+        """Return the name of what `reader` names, here or in an enclosing block."""
         for names in reversed(self.spread):
             if key in names:
                 return names[key]
@@ -207,7 +207,7 @@ class AbstractEmitter(abc.ABC):
         return out
 
     def operand(self, x: Scalar, varying: bool = False) -> str:
-        """A value or constant, spread over all lanes if it is to be `varying`."""
+        """Return a value or constant, spread over all lanes if `varying`."""
         if not isinstance(x, Value):
             if not varying:
                 return constant(x)
@@ -230,19 +230,19 @@ class AbstractEmitter(abc.ABC):
 
     @abc.abstractmethod
     def steps(self, block: Block) -> None:
-        """The steps of a block."""
+        """Print the steps of a block."""
 
     def kind(self, dtype: np.dtype, wide: bool) -> str:
-        """The type of a number, in all lanes if `wide`."""
+        """Return the type of a number, in all lanes if `wide`."""
         return vector_type(dtype, self.module.lanes) if wide else scalar_type(dtype)
 
     def begin(self, label: str) -> None:
-        """A new block of lines, with its label."""
+        """Begin a basic block with its label."""
         self.line(f"{label}:")
         self.label = label
 
     def memory(self, memory: Memory) -> str:
-        """The name of a memory, made where it is first needed, or the address of one outside."""
+        """Return the name of a memory, created on first use, or the address of an external one."""
         if memory.elements:
             return self.outside[numbers_of(memory.elements)[0]]()
         if memory.number in self._memories:
@@ -262,7 +262,7 @@ class AbstractEmitter(abc.ABC):
         return name
 
     def address(self, memory: Memory, index: Scalar) -> str:
-        """The address of an element of a memory, by a uniform index."""
+        """Return the address of an element of a memory, by a uniform index."""
         place, kind = self.fresh("p"), memory_type(memory.dtype)
         cell = kind if memory.uniform else f"<{self.module.lanes} x {kind}>"
         typed = f"{scalar_type(index.dtype)} {self.operand(index)}"

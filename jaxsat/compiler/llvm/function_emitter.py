@@ -1,7 +1,7 @@
-"""Programs as LLVM code in text: vectors for varying values, scalars for uniform ones.
+"""Programs as LLVM text: vectors for varying values, scalars for uniform ones.
 
 Floating-point operations carry no flag, so LLVM changes no bit of them. In a module that `fuses`, a
-product that a sum of its own block alone needs becomes one operation with it.
+product that only a sum of its own block needs becomes one operation with it.
 """
 
 from collections import Counter
@@ -30,16 +30,16 @@ from jaxsat.compiler.passes.scheduling import fused_products
 DOUBLE = np.dtype(np.float64)
 
 RANGE = {"min": 4, "max": 5}
-"""What tells the instruction `vrangepd` of AVX-512 to take the least or largest, with its sign."""
+"""Operand of AVX-512's instruction `vrangepd` for the least or largest, with its sign."""
 
 RANGE_LANES = 8
-"""Doubles in one of its registers."""
+"""Number of doubles in an AVX-512 register."""
 
 
 def internal(module: Module, function: ir.Function, known: Known) -> tuple[str, bool]:
-    """The name of an internal function of a module, and whether it needs the module's arena.
+    """Return the name of an internal function, printed once, and whether it needs the arena.
 
-    It is printed if it was not. Parameters whose places are `known` it reads itself.
+    It reads parameters whose places are `known` itself.
     """
     entry = module.printed.get(id(function))
     if entry is None:
@@ -72,13 +72,13 @@ def _printed(module: Module, name: str, function: ir.Function, known: Known) -> 
 
 
 def result_type(results: Sequence[ir.Scalar], lanes: int) -> str:
-    """What a function of these results returns: one value, or a structure of several."""
+    """Return the return type of a function: one value, or a structure of several."""
     types = [type_of(result, lanes) for result in results]
     return types[0] if len(types) == 1 else f"{{ {', '.join(types)} }}"
 
 
 def aggregate(body: AbstractEmitter, results: Sequence[ir.Scalar], names: Sequence[str]) -> str:
-    """Type and name of all results put together."""
+    """Return type and name of all results put together."""
     types = [type_of(result, body.module.lanes) for result in results]
     if len(types) == 1:
         return f"{types[0]} {names[0]}"
@@ -91,7 +91,7 @@ def aggregate(body: AbstractEmitter, results: Sequence[ir.Scalar], names: Sequen
 
 
 class FunctionEmitter(AbstractEmitter):
-    """The lines of one function, step by step; it may tell others where their parameters are."""
+    """Lines of one function, step by step; parameters with `known` locations are not passed."""
 
     def __init__(self, module: Module, known: Mapping[int, Known] | None = None):
         super().__init__(module)
@@ -99,13 +99,13 @@ class FunctionEmitter(AbstractEmitter):
         self._reads: Counter[int] = Counter()  # of values, in a module that fuses
 
     def program(self, function: ir.Function) -> None:
-        """All steps of a function."""
+        """Print all steps of a function."""
         if self.module.fuses:
             self._reads.update(chain(ir.reads(function.block), ir.numbers_of(function.results)))
         self.steps(function.block)
 
     def steps(self, block: ir.Block) -> None:
-        """The steps of a block."""
+        """Print the steps of a block."""
         fused = fused_products(block.steps, self._reads)
         within = {product.out.number for product in fused.values()}
         for step in block.steps:
@@ -152,7 +152,7 @@ class FunctionEmitter(AbstractEmitter):
                 self._arithmetic(out, name, step.args[0].dtype, args, types[0], lanes)
 
     def _fused(self, step: ir.Operation, product: ir.Operation) -> None:
-        """A sum or difference as one operation with a product that it reads."""
+        """Print a sum or difference as one operation with a product that it reads."""
         lanes = None if step.out.uniform else self.module.lanes
         kind, (one, other) = type_of(step.out, self.module.lanes), step.args
         rest = other if one is product.out else one
@@ -178,9 +178,9 @@ class FunctionEmitter(AbstractEmitter):
             self.line(f"{out} = {word} {kind} {', '.join(args)}")
 
     def _extremum(self, out: str, name: str, args: Sequence[str], kind: str) -> None:
-        """The least or largest of vectors of doubles by `vrangepd`, in half of LLVM's own steps.
+        """Print the extremum of vectors of doubles by `vrangepd`, in half of LLVM's own steps.
 
-        It orders the zeros as it should, but of a number and NaN it takes the number.
+        It orders zeros correctly, but of a number and NaN it returns the number.
         """
         ranged, nans = self.fresh(), self.fresh()
         full, bits = "@llvm.x86.avx512.mask.range.pd.512", f"<{RANGE_LANES} x i1>"
@@ -295,7 +295,7 @@ class FunctionEmitter(AbstractEmitter):
         self.gather(step)
 
     def gather(self, step: ir.Load) -> None:
-        """Every lane's own element, lane by lane."""
+        """Load every lane's own element, lane by lane."""
         memory, lanes = step.memory, self.module.lanes
         index, kind = self.operand(step.index), memory_type(memory.dtype)
         wide, base = vector_type(step.index.dtype, lanes), self.memory(memory)

@@ -1,4 +1,4 @@
-"""Where an entry point finds its numbers and leaves its results: locations in memory.
+"""Locations of an entry point's numbers and results in memory.
 
 Numbers are rematerialised: loaded again in every basic block that needs them rather than kept in
 registers, which lowers register pressure.
@@ -47,23 +47,23 @@ class ScalarArgument:
 
 Location = PerCase | SharedElement | Slot | ScalarArgument
 Known = Mapping[int, SharedElement | Slot]
-"""Locations of values by their numbers, for all who have the entry point's pointers."""
+"""Locations of values by number, for all functions with the entry point's pointers."""
 
 CONTEXT = "ptr noalias %pointers, ptr noalias %state"
 
 FIRST = 1
-"""Before the addresses of the arrays from outside stands that of the arena (`emitter.Module`)."""
+"""Index of the first external array's address, behind that of the arena (`emitter.Module`)."""
 
 
 def rematerialise(emitter: AbstractEmitter, value: Value, location: SharedElement | Slot) -> None:
-    """Let a value be loaded in every block that needs it: it need not be kept in between."""
+    """Load a value in every block that needs it, so that no register keeps it in between."""
     emitter.readers[value.number] = lambda out: _read(emitter, out, value.dtype, location)
     if isinstance(location, SharedElement):
         emitter.outside[value.number] = lambda: _address(emitter, value.dtype, location)
 
 
 def array_pointer(emitter: AbstractEmitter, number: int) -> str:
-    """The address of an array from outside."""
+    """Return the address of an external array."""
 
     def load(out: str) -> None:
         pointer = emitter.fresh("p")
@@ -94,9 +94,9 @@ def _address(emitter: AbstractEmitter, dtype: np.dtype, location: SharedElement)
 def parameter_locations(
     block: Block, locations: Known
 ) -> dict[int, dict[int, SharedElement | Slot]]:
-    """For functions that an entry point calls, by identity: parameters always in one location.
+    """Return the parameters always in one location, for functions that an entry point calls.
 
-    Functions that others call as well have none.
+    The result is by the function's identity. Functions that others call as well have none.
     """
     calls = list(block.calls())
     inner = {id(call.function) for outer in calls for call in outer.function.block.calls()}

@@ -1,4 +1,4 @@
-"""Any function of one case, compiled for many: what the tests and the curious use."""
+"""Any function of one case, compiled for many."""
 
 import threading
 from collections.abc import Callable
@@ -26,14 +26,14 @@ del rules  # imported for the table it fills
 
 
 class Mapped:
-    """A function of one case and of what is shared, over the leading axis of its cases.
+    """A function of one case and of shared data, mapped over the leading axis of cases.
 
-    `function(case, shared)` is given as for one case and may be anything of `jax.numpy` that the
-    compiled engine knows; `case` and `shared` are examples, for their shapes and types. Raises
-    `CannotLower` for what it does not know, and `ValueError` for a number of `lanes` that is none
-    of 1, 2, 4, 8 and 16. `cpu` is the processor to make code for, this one unless given. Without
-    `contract` no product and sum become one operation: every processor gives the same bits. Code
-    for this processor is `kept` on disk for other processes if asked for.
+    `function(case, shared)` is written for one case and may be anything of `jax.numpy` that the
+    compiled engine supports; `case` and `shared` are examples, for their shapes and types. Raises
+    `CannotLower` for unsupported operations, and `ValueError` for a number of `lanes` other than 1,
+    2, 4, 8 and 16. `cpu` is the target processor, by default this one. Without `contract` no
+    product and sum become one operation: every processor gives the same bits. Code for this
+    processor is `kept` on disk for other processes on request.
     """
 
     def __init__(
@@ -55,11 +55,11 @@ class Mapped:
         self.entry_point = _entry_point(self.jaxpr, len(jax.tree.leaves(case)))
 
     def __call__(self, cases: PyTree, shared: PyTree = None) -> PyTree:
-        """The outputs of all cases.
+        """Return the outputs of all cases.
 
-        Raises `ValueError` for arrays of other shapes than those of the examples (after the axis of
-        cases, which all must have in common) and trees of another structure, and `TypeError` for
-        numbers of types that those of the examples cannot represent.
+        Raises `ValueError` for arrays of other shapes than those of the examples (after the common
+        axis of cases) and trees of another structure, and `TypeError` for numbers of types that
+        those of the examples cannot represent.
         """
         inputs, count = self._taken(cases, shared)
         leaves, structure = jax.tree.flatten(self._shape)
@@ -75,7 +75,7 @@ class Mapped:
         return jax.tree.unflatten(structure, outputs)
 
     def interpreted(self, cases: PyTree, shared: PyTree = None) -> PyTree:
-        """What a call returns, by the interpreter: all cases as lanes of one vector."""
+        """Return the outputs by the interpreter: all cases as lanes of one vector."""
         inputs, count = self._taken(cases, shared)
         args = []
         for location in self.entry_point.inputs:
@@ -109,7 +109,7 @@ class Mapped:
         return self._module.text(self.cpu.attributes())
 
     def assembly(self) -> str:
-        """The machine code for this processor, as text."""
+        """Return the machine code for this processor, as text."""
         text = self.text
         return in_own_thread(lambda stopped: target.assembly(text, self.cpu))
 
@@ -135,10 +135,10 @@ class Mapped:
 def compiled_over_cases(
     function: Callable, case: PyTree, shared: PyTree = None, contract: bool = True
 ) -> Callable[..., PyTree]:
-    """`function(case, shared)` over the leading axis of cases, as `Mapped`; its code is kept.
+    """Compile `function(case, shared)` over a leading axis of cases, as `Mapped`, with cached code.
 
-    XLA, which takes several times as long, compiles what the compiled engine does not know, and
-    everything where there is no llvmlite.
+    XLA, which takes several times as long, compiles unsupported operations, and everything without
+    llvmlite.
     """
     try:
         if target.LLVMLITE:

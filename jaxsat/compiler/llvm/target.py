@@ -1,6 +1,6 @@
-"""The processor of this machine, and machine code for it and others through llvmlite.
+"""Target processors, and their machine code through llvmlite.
 
-Threads may use all of it at once: llvmlite holds a lock of its own during every call of LLVM.
+All functions are thread-safe: llvmlite holds a lock of its own during every call of LLVM.
 """
 
 import os
@@ -15,12 +15,12 @@ from jaxsat.compiler.ir import NativeBug
 from jaxsat.core.once import once
 
 LLVMLITE = find_spec("llvmlite") is not None
-"""Whether machine code can be made here at all."""
+"""Whether machine code can be made on this installation."""
 
 PASSES = ("instruction_combine",)
-"""Passes of LLVM over a module, by llvmlite's names, for the cache as well.
+"""Passes of LLVM over a module, by llvmlite's names; part of the cache's key.
 
-Programs come without dead code and repeated operations. LLVM's pipelines O1 and O2 take as long as
+Programs have neither dead code nor repeated operations. LLVM's pipelines O1 and O2 take as long as
 its generation of machine code, which is no quicker for it.
 """
 
@@ -29,7 +29,7 @@ _libraries = count()
 
 @dataclass(frozen=True)
 class Host:
-    """What LLVM calls a processor, its features, its vector registers' bytes, and its system."""
+    """A processor: LLVM's name, features, bytes of a vector register, and system triple."""
 
     name: str
     features: str
@@ -38,7 +38,7 @@ class Host:
 
     @property
     def architecture(self) -> str:
-        """The first part of the triple: x86_64, aarch64, or arm64 as macOS calls it."""
+        """First part of the triple: x86_64, aarch64, or arm64 on macOS."""
         return self.triple.split("-")[0]
 
     @property
@@ -57,7 +57,7 @@ class Host:
         return self.register == 64
 
     def attributes(self) -> str:
-        """Attributes of every function; the stack is aligned to what is stored there."""
+        """Return the attributes of every function; the stack is aligned to what is stored there."""
         bits = self.register * 8
         wide = f' "prefer-vector-width"="{bits}" "min-legal-vector-width"="{bits}"'
         target = f'"target-cpu"="{self.name}" "target-features"="{self.features}"'
@@ -66,7 +66,7 @@ class Host:
 
 @once
 def host() -> Host:
-    """The processor that runs this."""
+    """Return the processor of this process."""
     import llvmlite.binding as llvm
 
     features = llvm.get_host_cpu_features()
@@ -84,12 +84,12 @@ _NAMED = {
 
 
 def named(name: str) -> Host:
-    """Another processor by LLVM's name, of those that tests make code for."""
+    """Return another processor by LLVM's name, of those in tests."""
     return Host(name, "", *_NAMED[name])
 
 
 def version() -> str:
-    """The version of LLVM."""
+    """Return the version of LLVM."""
     import llvmlite.binding as llvm
 
     return ".".join(map(str, llvm.llvm_version_info))
@@ -112,7 +112,7 @@ def _machine(cpu: Host):
 
 
 def optimised(text: str, cpu: Host | None = None):
-    """The module of an LLVM text after `PASSES`, for this processor or another."""
+    """Return the module of an LLVM text after `PASSES`, for this processor or another."""
     import llvmlite.binding as llvm
 
     machine = _machine(cpu or host())
@@ -130,12 +130,12 @@ def optimised(text: str, cpu: Host | None = None):
 
 
 def object_code(text: str, cpu: Host | None = None) -> bytes:
-    """Machine code of an LLVM text as an object file."""
+    """Return the machine code of an LLVM text as an object file."""
     return _machine(cpu or host()).emit_object(optimised(text, cpu))
 
 
 def assembly(text: str, cpu: Host | None = None) -> str:
-    """Machine code of an LLVM text, for people."""
+    """Return the machine code of an LLVM text as assembly."""
     return _machine(cpu or host()).emit_assembly(optimised(text, cpu))
 
 
@@ -152,9 +152,9 @@ def _jit():
 
 
 def loaded(code: bytes, types: Mapping[str, Callable[[int], Any]]) -> dict[str, Any]:
-    """Functions of machine code, of these `ctypes` types; it is in memory as long as one of them.
+    """Load functions of machine code, of these `ctypes` types.
 
-    So whoever calls one has code that nobody frees.
+    The code stays in memory as long as one of them, so that no caller's code is freed.
     """
     import llvmlite.binding as llvm
 

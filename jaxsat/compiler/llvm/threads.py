@@ -1,8 +1,8 @@
-"""The threads in which machine code runs, and is made: their stacks have a known size.
+"""Threads with stacks of known size, in which machine code is made and runs.
 
-The system's own size may be anything: `ulimit -s`, half a megabyte in a thread of macOS, what a
-caller chose for its threads. A frame of machine code takes up to some 50 kB in jaxsat's programs,
-and more in larger ones (`emitter.LARGEST`); LLVM recurses.
+The system's own size may be anything: `ulimit -s`, half a megabyte in a thread of macOS, a caller's
+choice. A frame of machine code takes up to some 50 kB in jaxsat's programs, and more in larger ones
+(`emitter.LARGEST`); LLVM recurses.
 """
 
 import os
@@ -24,11 +24,11 @@ T = TypeVar("T")
 
 
 def in_threads(work: Callable[[threading.Event], None], workers: int) -> None:
-    """Call `work(stopped)` in so many of the threads that all callers share.
+    """Call `work(stopped)` in `workers` of the threads that all callers share.
 
     There are as many as processors, and callers are served in turn: several at once keep all
-    processors busy and no more. An exception of the caller's thread (Ctrl-C) sets `stopped`, and
-    goes on once all have returned.
+    processors busy and no more. An exception of the caller's thread (Ctrl-C) sets `stopped`, and is
+    raised once all have returned.
     """
     stopped, futures = threading.Event(), []
     try:
@@ -43,7 +43,7 @@ def in_threads(work: Callable[[threading.Event], None], workers: int) -> None:
 
 
 def in_own_thread(work: Callable[[threading.Event], T]) -> T:
-    """The result of `work(stopped)`, called in a thread of its own; else like `in_threads`."""
+    """Return the result of `work(stopped)` in a thread of its own; else like `in_threads`."""
     stopped, futures, pool = threading.Event(), [], ThreadPoolExecutor(1, "jaxsat-native-own")
     try:
         with _large_stacks():
@@ -69,7 +69,7 @@ def _end(futures: Sequence[Future], stopped: threading.Event) -> None:
 
 @contextmanager
 def _large_stacks() -> Iterator[None]:
-    """Threads that start inside have a stack of `STACK` bytes."""
+    """Within this context, new threads have a stack of `STACK` bytes."""
     with _starting:
         before = threading.stack_size(STACK)
         try:

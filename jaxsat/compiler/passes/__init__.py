@@ -1,1 +1,1 @@
-"""What makes a scalar program smaller and quicker."""
+"""Optimisation passes of scalar programs."""

@@ -1,7 +1,7 @@
-"""Work of which a selection keeps one side alone, in branches: the other side is never computed.
+"""Branches for selections of which one side is expensive, so that the other is never computed.
 
-`jnp.where` computes both sides. Where one is dear and nothing else needs it, the selections of one
-predicate become a switch.
+`jnp.where` computes both sides. Where one is expensive and nothing else needs it, the selections of
+one predicate become a switch.
 """
 
 from collections.abc import Iterable, Sequence
@@ -11,26 +11,26 @@ from jaxsat.compiler import ir
 from jaxsat.compiler.operations import INT
 
 DEAR = 100.0
-"""Operations that a branch must save."""
+"""Least number of operations that a branch must save."""
 
 _COSTS = {"div": 5.0, "rem": 20.0, "sqrt": 15.0}
 ELEMENTARY = 40.0
-"""Operations of an elementary function, about."""
+"""Approximate operations of an elementary function."""
 
 
 CHEAP = 24
-"""Branches of at most so many operations in all are computed in every lane, not jumped over."""
+"""Largest total number of operations of branches that are computed in every lane."""
 
 
 def are_cheap(blocks: Sequence[ir.Block]) -> bool:
-    """Whether branches are sooner computed than jumped over."""
+    """Whether branches are cheaper to compute than to jump over."""
     plain = all(isinstance(step, ir.Operation) for block in blocks for step in block.steps)
     return plain and sum(len(block.steps) for block in blocks) <= CHEAP
 
 
 @dataclass
 class _Choice:
-    """Selections of one predicate that can be made together, and what either side alone needs."""
+    """Selections of one predicate that can be joined, and the steps that each side alone needs."""
 
     selections: dict[int, ir.Operation]
     sides: tuple[set[int], set[int]]
@@ -38,7 +38,7 @@ class _Choice:
 
 
 def with_branches(function: ir.Function) -> None:
-    """Put the branches into a function, and into those made of Python functions that it calls."""
+    """Put branches into a function, and into the Python functions that it calls."""
     _with_branches(function, set())
 
 
@@ -68,7 +68,6 @@ def _branched(block: ir.Block, results: Sequence[ir.Scalar]) -> None:
 
 
 def _choices(block: ir.Block, results: Sequence[ir.Scalar]) -> Iterable[_Choice]:
-    """All choices in a block."""
     readers: dict[int, set[int]] = {}  # of values, by the numbers of steps; results are read last
     for number, step in enumerate(block.steps):
         for value in ir.uses(step):
@@ -90,7 +89,7 @@ def _choices(block: ir.Block, results: Sequence[ir.Scalar]) -> Iterable[_Choice]
 def _independent(
     block: ir.Block, selections: dict[int, ir.Operation]
 ) -> list[dict[int, ir.Operation]]:
-    """The selections in groups, none of which needs another one of its group."""
+    """Group selections so that none needs another one of its group."""
     depths: dict[int, int] = {}
     groups: list[dict[int, ir.Operation]] = []
     for number, step in enumerate(block.steps):
@@ -106,7 +105,7 @@ def _independent(
 def _choice(
     block: ir.Block, group: dict[int, ir.Operation], readers: dict[int, set[int]]
 ) -> _Choice:
-    """What only one side of these selections needs."""
+    """Return the choice with the steps that only one side of these selections needs."""
     sides: list[set[int]] = []
     for side in (1, 2):
         alone: set[int] = set()
@@ -140,7 +139,6 @@ def _reads_on(selection: ir.Operation, value: int, side: int) -> bool:
 
 
 def _put_in(block: ir.Block, choice: _Choice) -> None:
-    """Put a switch in the place of the selections."""
     first = next(iter(choice.selections.values()))
     index = ir.Value(INT, True)
     yes, no = ir.Block(block), ir.Block(block)
@@ -161,7 +159,7 @@ def _put_in(block: ir.Block, choice: _Choice) -> None:
 
 
 def _in_order(steps: Sequence[ir.Step]) -> list[ir.Step]:
-    """The steps, each after what it needs, else in their order."""
+    """Sort steps behind what they need, else in their order."""
     makers = {out.number: i for i, step in enumerate(steps) for out in ir.definitions(step)}
     order: list[ir.Step] = []
     visited: set[int] = set()
@@ -181,7 +179,6 @@ def _in_order(steps: Sequence[ir.Step]) -> list[ir.Step]:
 
 
 def _cost(step: ir.Step) -> float:
-    """About how many operations a step takes."""
     match step:
         case ir.Operation(name=name):
             return _COSTS.get(name, 1.0)

@@ -1,4 +1,4 @@
-"""Which Python functions the operations of a traced program come from: a tree of their calls."""
+"""Tree of the Python calls that the operations of a traced program come from."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -9,15 +9,14 @@ from jaxsat.core.jax_internals import Place
 from jaxsat.core.jaxprs import Equation
 
 Places = tuple[Place, ...]
-"""The calls of an operation, from the outermost."""
+"""Calls of an operation, the outermost first."""
 
 
 @dataclass
 class Node:
     """One call of a Python function, or the whole: equations `first` to before `end`, and calls.
 
-    `eqns` are those of the function that is made of it, `before` those that are computed before its
-    `call`.
+    `eqns` are those of the resulting function, `before` those that are computed before its `call`.
     """
 
     name: str
@@ -32,12 +31,12 @@ class Node:
 
     @property
     def height(self) -> int:
-        """The height of the tree of calls below."""
+        """Height of the tree of calls below."""
         return max((1 + x.height for x in self.items if isinstance(x, Node)), default=0)
 
 
 def call_tree(eqns: Sequence[Equation], inside: int | None) -> Node:
-    """The tree of a program's calls; that of a branch or a body is `inside` so many functions."""
+    """Return the tree of a program's calls; a branch or a body is `inside` so many functions."""
     places = [place_of(eqn) for eqn in eqns]
     depth = _common(places)
     if inside is not None:
@@ -47,12 +46,12 @@ def call_tree(eqns: Sequence[Equation], inside: int | None) -> Node:
 
 
 def place_of(eqn: Equation) -> Places:
-    """The calls that an operation comes from, without those of libraries that only call others."""
+    """Return the calls of an operation, without those of libraries that only call others."""
     return tuple([one for one in eqn.place if not is_wrapper(one.file)])
 
 
 def nodes_of(node: Node) -> Iterator[Node]:
-    """A call and all below it."""
+    """Yield a call and all below it."""
     yield node
     for item in node.items:
         if isinstance(item, Node):
@@ -60,7 +59,7 @@ def nodes_of(node: Node) -> Iterator[Node]:
 
 
 def _common(places: Sequence[Places]) -> int:
-    """How many of the outermost functions are the same for all, one less."""
+    """Return the number of outermost functions common to all, less one."""
     depth = 0
     least = min(map(len, places), default=1)
     while depth < least - 1 and len({place[: depth + 1] for place in places}) == 1:
@@ -69,7 +68,7 @@ def _common(places: Sequence[Places]) -> int:
 
 
 def _grown(places: Sequence[Places], first: int, end: int, depth: int, kinds: list) -> Node:
-    """The tree of the calls in a function that stands at this depth of the places."""
+    """Return the tree of the calls in a function at this depth of the places."""
     is_there = first < end and len(places[first]) > depth
     inside = places[first][depth] if is_there else Place("", "", 0, 0)
     node = Node(
@@ -92,12 +91,12 @@ def _grown(places: Sequence[Places], first: int, end: int, depth: int, kinds: li
 
 
 def _called_at(place: Places, depth: int):
-    """From where a function at this depth calls which one, or None for an operation of its own."""
+    """Return place and callee of a call at this depth, or None for an own operation."""
     return (*place[depth], *place[depth + 1][:2]) if len(place) > depth + 1 else None
 
 
 def _repeats(places, first: int, end: int, depth: int, kinds) -> list[tuple[int, int]]:
-    """The calls of one function in one place: a loop makes several of them."""
+    """Split the calls of one function in one place, of which a loop makes several."""
     signs = [(kinds[i], places[i][depth:]) for i in range(first, end)]
     size = len(signs)
     for length in range(1, size // 2 + 1):

@@ -1,4 +1,4 @@
-"""Loops that count up to a constant, and what whole numbers can be in them."""
+"""Loops that count up to a constant, and ranges of integers in them."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -9,8 +9,7 @@ from jaxsat.compiler.ir import Loop, Operation, Scalar, Value
 
 
 class CountedLoop(NamedTuple):
-    """A loop that counts up: which param counts, where it ends (exclusive), and the number of the
-    value that tests it."""
+    """A loop that counts up: counter's index, exclusive end, and number of the testing value."""
 
     counter: int
     end: int
@@ -18,7 +17,7 @@ class CountedLoop(NamedTuple):
 
 
 def bound_of(step: Loop, makers: Mapping[int, Operation]) -> CountedLoop | None:
-    """The bound of a loop that counts up from a constant to another; None of any other."""
+    """Return the bound of a loop that counts up from a constant to another, else None."""
     for name in _conjuncts(step.active, makers):
         maker = makers.get(name)
         if maker is None or maker.name != "lt" or isinstance(maker.args[1], Value):
@@ -42,7 +41,7 @@ def bound_of(step: Loop, makers: Mapping[int, Operation]) -> CountedLoop | None:
 
 
 def _conjuncts(active: Scalar, makers: Mapping[int, Operation]) -> list[int]:
-    """Numbers of the conditions that must all hold."""
+    """Return the numbers of the conditions that must all hold."""
     if not isinstance(active, Value):
         return []
     maker = makers.get(active.number)
@@ -52,9 +51,9 @@ def _conjuncts(active: Scalar, makers: Mapping[int, Operation]) -> list[int]:
 
 
 def ranges_in(step: Loop) -> dict[int, tuple[int, int]]:
-    """The least and the largest number that params of a counted loop can be, by their places.
+    """Return the ranges of params of a counted loop, by index.
 
-    Of whole numbers, beside the counter, that begin with a constant and never become less.
+    They are those of integers, beside the counter, that begin with a constant and never decrease.
     """
     both = (*step.condition.steps, *step.body.steps)
     makers = {one.out.number: one for one in both if isinstance(one, Operation)}
@@ -76,7 +75,7 @@ def ranges_in(step: Loop) -> dict[int, tuple[int, int]]:
 
 
 def _most_added(x: Scalar, param: Value, makers: Mapping[int, Operation]) -> int | None:
-    """The most that a value is above a param, if it is never below; else None."""
+    """Return the most by which a value is above a param, if it is never below; else None."""
     if x is param:
         return 0
     maker = makers.get(x.number) if isinstance(x, Value) else None

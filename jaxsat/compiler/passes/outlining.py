@@ -1,9 +1,9 @@
-"""Traced programs cut into functions again, as the Python code is that they come from.
+"""Outlining: traced programs cut into functions again, like their Python code.
 
-A jaxpr holds the operations of all the Python functions that were called, one after the other.
-Every operation knows the calls that it comes from, so that each call can be put back: equal ones
-become calls of one function, and long ones functions of their own. What several functions compute
-alike is computed once, before them, and handed over.
+A jaxpr holds the operations of all called Python functions in sequence. Every operation knows its
+calls, so that each call can be put back: equal ones become calls of one function, and long ones
+functions of their own. Computations common to several functions are done once, before them, and
+passed on.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,10 +20,10 @@ from jaxsat.core.jax_internals import CALL
 from jaxsat.core.jaxprs import Equation, Jaxpr, Literal, Variable
 
 SHARED, LONE = 10, 80
-"""Operations on numbers that a function has at least if it is called several times, or once."""
+"""Least number of operations of a function that is called several times, and of one called once."""
 
 MARK = "python:"
-"""Begin of the names of functions made here."""
+"""Prefix of the names of outlined functions."""
 
 MOVES = frozenset((
     "slice", "squeeze", "reshape", "broadcast_in_dim", "concatenate", "transpose", "stack",
@@ -37,22 +37,22 @@ DEAR = frozenset((
     "dot_general", "exp", "exp2", "expm1", "log", "log1p", "pow", "rsqrt", "sin", "sinh", "sqrt",
     "tan", "tanh",
 ))  # fmt: skip
-"""Primitives that take long on a processor without hardware for them."""
+"""Primitives that are slow on a processor without hardware for them."""
 
 
 @dataclass
 class Outline:
-    """The functions of a program: jaxprs by identity with their names, files and how often they are
-    called, and the frames of the calls by the identity of their equations."""
+    """Functions of a program: jaxprs by identity with name, file and number of calls, and the
+    frames of calls by the identity of their equations."""
 
     functions: dict[int, tuple[Jaxpr, str, str, int]] = field(default_factory=dict)
     frames: dict[int, tuple[Frame, ...]] = field(default_factory=dict)
 
     kept: list[Any] = field(default_factory=list)
-    """What identities belong to must stay alive."""
+    """Objects that identities belong to, kept alive."""
 
     def changed(self, eqn: Equation, **parts: Any) -> Equation:
-        """An equation with other parts, and the same frames."""
+        """Return an equation with other parts, and the same frames."""
         replacement = replace(eqn, **parts)
         if id(eqn) in self.frames:
             self.frames[id(replacement)] = self.frames[id(eqn)]
@@ -61,13 +61,13 @@ class Outline:
 
 
 def outlined(jaxpr: Jaxpr) -> tuple[Jaxpr, Outline]:
-    """The program with calls of functions in it."""
+    """Return the program with calls of functions in it."""
     outline = Outline()
     return _outlined(outline, jaxpr, None), outline
 
 
 def _outlined(outline: Outline, jaxpr: Jaxpr, inside: int | None) -> Jaxpr:
-    """A program, or a branch or loop's body `inside` so many functions, with calls in it."""
+    """Outline a program, or a branch or loop body `inside` so many functions."""
     eqns = [_with_inner(outline, eqn) for eqn in jaxpr.equations]
     root = call_tree(eqns, inside)
     values = Values(jaxpr, eqns)
@@ -88,7 +88,6 @@ def _outlined(outline: Outline, jaxpr: Jaxpr, inside: int | None) -> Jaxpr:
 
 
 def _with_inner(outline: Outline, eqn: Equation) -> Equation:
-    """An equation whose branches or body are cut as well."""
     if eqn.name not in ("cond", "scan", "while"):
         return eqn
     depth = len(place_of(eqn))
@@ -102,7 +101,7 @@ def _with_inner(outline: Outline, eqn: Equation) -> Equation:
 
 
 def _contents(node: Node, eqns: Sequence[Equation]) -> Iterator[Equation]:
-    """The equations of a call, those of the calls inside it put back as calls where they are."""
+    """Yield the equations of a call, with inner calls put back."""
     for item in node.items:
         if isinstance(item, int):
             yield eqns[item]
@@ -115,13 +114,13 @@ def _contents(node: Node, eqns: Sequence[Equation]) -> Iterator[Equation]:
 
 
 def _function_of(eqn: Equation) -> Jaxpr | None:
-    """The function made here that an equation calls, if it does so."""
+    """Return the outlined function that an equation calls, or None."""
     is_call = str(eqn.parameters.get("name", "")).startswith(MARK)
     return eqn.parameters["body"] if is_call else None
 
 
 def _shape(node: Node) -> tuple:
-    """A key alike for calls of one function: all but the variables that come from outside."""
+    """Return a key common to calls of one function: all but the external variables."""
     numbers: dict[Any, tuple[int, int]] = {}
     operations = []
     for number, eqn in enumerate(node.eqns):
@@ -137,7 +136,7 @@ def _shape(node: Node) -> tuple:
 
 
 def _make(outline: Outline, group: list[Node], values: Values) -> None:
-    """Put calls of one function in the place of equal ones, if that makes the program clearer."""
+    """Replace equal calls by calls of one function, if that makes the program clearer."""
     one = group[0]
     cost = sum(map(_cost, one.eqns))
     if one.name.split(".")[-1].startswith("<") or cost < (SHARED if len(group) > 1 else LONE):
@@ -191,7 +190,7 @@ def _make(outline: Outline, group: list[Node], values: Values) -> None:
 
 
 def _put_before(group: Sequence[Node], values: Values) -> None:
-    """Take out of the functions what is dear and made by other functions as well."""
+    """Move expensive computations that other functions share out of the functions."""
     counts = range(len(group[0].eqns))
     sources = [_makers(node) for node in group]
     needs: dict[int, set[int]] = {}  # of what can be before: which equations it needs
@@ -210,24 +209,23 @@ def _put_before(group: Sequence[Node], values: Values) -> None:
 
 
 def _makers(node: Node) -> list[set[int]]:
-    """For each equation of a function, which of them make what it reads."""
+    """Return for each equation of a function the equations that it reads."""
     makers = {id(var): i for i, eqn in enumerate(node.eqns) for var in eqn.outputs}
     return [{makers[id(x)] for x in eqn.inputs if id(x) in makers} for eqn in node.eqns]
 
 
 def _is_shared(node: Node, number: int, values: Values) -> bool:
-    """Whether an equation of a function gives what is made elsewhere, too."""
+    """Whether an equation's result is computed elsewhere, too."""
     outs = node.eqns[number].outputs
     return any(values.is_made_outside(var, node.first, node.end) for var in outs)
 
 
 def _is_dear(eqn: Equation) -> bool:
-    """Whether a result is sooner handed over than computed again."""
     return _function_of(eqn) is not None or eqn.name in DEAR
 
 
 def _from_outside(group: Sequence[Node]) -> dict[tuple[int, int], list[Any]]:
-    """What calls read that they do not make: by equation and place in it, for every call."""
+    """Return external operands of calls: by equation and index in it, for every call."""
     reads: dict[tuple[int, int], list[Any]] = {}
     for node in group:
         own_variables: set[Any] = set()
@@ -240,7 +238,6 @@ def _from_outside(group: Sequence[Node]) -> dict[tuple[int, int], list[Any]]:
 
 
 def _cost(eqn: Equation) -> float:
-    """About how many operations on numbers an equation is."""
     name = eqn.name
     if _function_of(eqn) is not None:
         return 3.0

@@ -1,9 +1,8 @@
-"""Where steps stand: invariants before loops, cold branches together, the critical path first.
+"""Scheduling: invariants before loops, cold branches merged, the critical path first.
 
-Programs come in the order in which they were traced, array by array, and a processor looks only
-some dozens of steps ahead for work that need not wait. So every block is put in order again, from
-its beginning: of the steps whose operands are there the one goes next on which the longest chain
-of others depends.
+Programs are in the order of their tracing, array by array, and a processor looks only some dozens
+of steps ahead for independent work. So every block is list-scheduled: of the steps with all
+operands the next one is that with the longest chain of dependents.
 """
 
 from collections import Counter, defaultdict
@@ -19,7 +18,7 @@ DEAR = ("div", "sqrt")
 
 
 def move_invariants(block: ir.Block) -> None:
-    """Hoist dear operations out of the loops of a block, and of the blocks inside.
+    """Hoist expensive operations out of the loops of a block, and of inner blocks.
 
     LLVM does not hoist them: their operands are rematerialised (`locations`), so they are loaded
     inside the loop, and often under a branch, where LLVM must not load earlier.
@@ -35,7 +34,7 @@ def move_invariants(block: ir.Block) -> None:
 
 
 def _moved_out(loop: ir.Loop) -> list[ir.Step]:
-    """The dear invariant operations of a loop, and the invariant ones that they need."""
+    """Return the expensive invariant operations of a loop, and their invariant operands."""
     blocks = [*_blocks(loop.condition), *_blocks(loop.body)]
     inside = {out.number for block in blocks for s in block.steps for out in ir.definitions(s)}
     inside.update(param.number for param in loop.params)
@@ -58,7 +57,6 @@ def _is_in(step: ir.Step, numbers: set[int]) -> bool:
 
 
 def _blocks(block: ir.Block) -> Iterator[ir.Block]:
-    """A block and those inside, each after what it may read."""
     yield block
     for step in block.steps:
         for inside in ir.blocks_in(step):
@@ -70,10 +68,10 @@ def _needs(step: ir.Operation) -> set[int]:
 
 
 def merge_cold_branches(block: ir.Block) -> None:
-    """Merge the cold switches of a block, and of the blocks inside: one jump in place of many.
+    """Merge the cold switches of a block, and of inner blocks: one jump in place of many.
 
-    At each jump the register allocator spills what is live. The cold switches of a block that need
-    no results of one another become one, as early as the last of them can be.
+    At each jump the register allocator spills live values. Cold switches of a block that need no
+    results of one another become one, as early as the last of them can be.
     """
     for step in block.steps:
         for inside in ir.blocks_in(step):
@@ -117,7 +115,7 @@ _CYCLES = {"div": 13, "sqrt": 20, "add": 4, "sub": 4, "mul": 4, "round": 8}
 
 
 def schedule(block: ir.Block, results: Iterable[ir.Scalar]) -> None:
-    """Put the steps of a block in order, and of those inside; `results` are used after it."""
+    """Schedule the steps of a block and of inner ones; `results` are used after it."""
     for step in block.steps:
         match step:
             case ir.Loop():
@@ -202,9 +200,9 @@ def _nodes(steps: Sequence[ir.Step], outputs: set[int]) -> list[_Node]:
 
 
 def fused_products(steps: Sequence[ir.Step], reads: Mapping[int, int]) -> dict[int, ir.Operation]:
-    """Products that become one operation with a sum or difference, by the number of the latter.
+    """Return products to be fused with a sum or difference, by the number of the latter.
 
-    It alone reads them, by these `reads` of values; of two products it is the first one.
+    The sum alone reads the product, by these `reads` of values; of two products it is the first.
     """
     products: dict[int, ir.Operation] = {}
     fused: dict[int, ir.Operation] = {}

@@ -1,4 +1,4 @@
-"""Which values of a traced program are the same, so that functions need not compute them again."""
+"""Equal values of a traced program, which functions need not compute again."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -10,10 +10,9 @@ from jaxsat.core.jaxprs import Equation, Jaxpr, Literal, Variable
 
 
 class Values:
-    """Numbers of the values of a jaxpr's variables: equal where the same operations make them.
+    """Value numbering of a jaxpr's variables: equal numbers for the same operations.
 
-    `uses` says where variables are read, by the numbers of equations; the results after all of
-    them.
+    `uses` are the indices of equations that read a variable; the results come after all of them.
     """
 
     def __init__(self, jaxpr: Jaxpr, eqns: Sequence[Equation]):
@@ -38,28 +37,28 @@ class Values:
             self.uses.setdefault(atom, []).append(place)
 
     def identity(self, atom: Any) -> Any:
-        """A key that is alike for equal values alone."""
+        """Return a key that only equal values share."""
         if isinstance(atom, Literal):
             value = np.asarray(atom.value)
             return (str(atom.aval), value.dtype.char, value.tobytes())
         return self._numbers.get(atom, id(atom))
 
     def is_made_outside(self, var: Any, first: int, end: int) -> bool:
-        """Whether equations elsewhere than from `first` to before `end` make the same value."""
+        """Whether equations outside `first` to before `end` make the same value."""
         places = self._places.get(self._numbers.get(var, (-1, 0)), ())
         return any(not first <= place < end for place in places)
 
     def is_read_outside(self, var: Any, first: int, end: int) -> bool:
-        """Whether equations elsewhere read the variable."""
+        """Whether equations outside `first` to before `end` read the variable."""
         return any(not first <= place < end for place in self.uses.get(var, ()))
 
     def unite(self, var: Any, other: Any) -> None:
-        """Let a variable stand for another one, from now on."""
+        """Replace `other` by the variable from now on."""
         self._same[other] = var
         self.uses.setdefault(var, []).extend(self.uses.get(other, ()))
 
     def atom(self, atom: Any) -> Any:
-        """The variable that now stands for one."""
+        """Return the variable that now stands for this one."""
         while isinstance(atom, Variable) and atom in self._same:
             atom = self._same[atom]
         return atom
@@ -71,7 +70,7 @@ def without_repeated_calls(
     function_of: Callable[[Equation], Any],
     changed: Callable[..., Equation],
 ) -> list[Equation]:
-    """The equations without calls that others before them make as well.
+    """Remove calls that repeat earlier ones.
 
     `function_of` gives the function of a call, and None for other equations; `changed` replaces
     parts of an equation.
@@ -94,7 +93,7 @@ def without_repeated_calls(
 
 
 def _with_results(values: Values, first: Equation, other: Equation, changed) -> Equation:
-    """A call that also gives what an equal one gave."""
+    """Return a call with the additional results of an equal one."""
     outs = []
     for one, two in zip(first.outputs, other.outputs, strict=True):
         if not (one.dropped or two.dropped):

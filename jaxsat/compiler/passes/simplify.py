@@ -1,5 +1,4 @@
-"""Values that are there already in place of operations: neutral and absorbing numbers, and
-comparisons of whole numbers of which the range is known."""
+"""Simplification: neutral and absorbing operands, and comparisons of integers of known range."""
 
 from collections.abc import Sequence
 
@@ -10,7 +9,7 @@ from jaxsat.compiler.operations import BOOL
 
 
 def identity(x: Scalar):
-    """A key that is the same for the same value or constant."""
+    """Return a key that is the same for the same value or constant."""
     return x.number if isinstance(x, Value) else (x.dtype.char, x.tobytes())
 
 
@@ -22,7 +21,7 @@ def _is(x: Scalar, number) -> bool:
 
 
 def simplified(name: str, args: tuple[Scalar, ...], dtype: np.dtype) -> Scalar | None:
-    """A value that is there already and equal in all bits, or None."""
+    """Return an existing value equal in all bits, or None."""
     floating = dtype.kind == "f"
     match name, args:
         case "select", (predicate, yes, no):
@@ -78,18 +77,18 @@ _DECIDED = {
 
 
 class Ranges:
-    """The least and the largest number that values can be."""
+    """Known ranges of integers."""
 
     def __init__(self):
         self._known: dict[int, tuple[int, int]] = {}
         self._steps: dict[int, tuple[int, int]] = {}
 
     def note(self, value: Value, least: int, largest: int) -> None:
-        """Let a value be known to be within these, both included."""
+        """Note the range of a value, both ends included."""
         self._known[value.number] = (least, largest)
 
     def note_converted(self, x: Scalar, out: Value) -> None:
-        """A value as another type, in which it fits, keeps its range."""
+        """Note that a value as another type, in which it fits, keeps its range."""
         if x.dtype.kind not in "iu" or out.dtype.kind not in "iu":
             return
         bounds = self._within(x)
@@ -98,7 +97,7 @@ class Ranges:
             self._known[out.number] = bounds
 
     def note_result(self, name: str, args: Sequence[Scalar], out: Value) -> None:
-        """What is known of a result: bits of a constant, and arithmetic with known values."""
+        """Note the range of a result: of a masked integer, and of arithmetic with known ranges."""
         if out.dtype.kind not in "iu":
             return
         if name in ("min", "max"):
@@ -133,7 +132,7 @@ class Ranges:
                 self._steps[out.number] = (steps[0], (steps[1] + y[0]) % steps[0])
 
     def simplified(self, name: str, args: Sequence[Scalar]) -> Scalar | None:
-        """What an operation gives, or None where that is not known before."""
+        """Return the result of an operation if the ranges determine it, else None."""
         if name not in _DECIDED and name not in ("min", "max"):
             return None
         if args[0].dtype.kind not in "iu":
@@ -149,16 +148,15 @@ class Ranges:
         return args[1 if name == "min" else 0] if _DECIDED["le"](y, x) else None
 
     def _steps_of(self, x: Scalar) -> tuple[int, int] | None:
-        """Step and first number, if a value is a multiple of something or that and a constant."""
+        """Return step and remainder of a value that is a multiple plus a constant, or None."""
         return self._steps.get(x.number) if isinstance(x, Value) else None
 
     def _is_between_steps(self, x: Scalar, number: tuple[int, int]) -> bool:
-        """Whether a value has steps, and a number is none of them."""
+        """Whether a value has a step, and a number is not on it."""
         steps = self._steps_of(x)
         return steps is not None and number[0] == number[1] and number[0] % steps[0] != steps[1]
 
     def _within(self, x: Scalar) -> tuple[int, int]:
-        """The range of a whole number: what is known, or all that its type can be."""
         dtype: np.dtype = x.dtype
         limits = np.iinfo(dtype)
         return self._of(x) or (int(limits.min), int(limits.max))
@@ -170,21 +168,21 @@ class Ranges:
 
 
 class Predicates:
-    """Which predicates are opposites, and by which of them values are selected."""
+    """Known opposites among predicates, and selections by them."""
 
     def __init__(self):
         self._opposite: dict[int, Scalar] = {}
         self._selected: dict[int, tuple[Scalar, ...]] = {}
 
     def note(self, name: str, args: tuple[Scalar, ...], out: Value) -> None:
-        """Let a value be known to be what this operation gives."""
+        """Note the result of an operation."""
         if name == "select":
             self._selected[out.number] = args
         elif name == "xor" and out.dtype == BOOL and _is(args[1], True):
             self._opposite[out.number] = args[0]
 
     def parts(self, name: str, args: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
-        """The operands, of a selection without what the same predicate selects again."""
+        """Return the operands, of a selection without inner selections by the same predicate."""
         if name != "select":
             return args
         predicate, *others = args
@@ -196,7 +194,7 @@ class Predicates:
         return (predicate, *parts)
 
     def simplified(self, name: str, args: tuple[Scalar, ...]) -> Scalar | None:
-        """Whether a predicate and its opposite both hold, or one of them does; None for others."""
+        """Decide a predicate and its opposite (false), or one of them (true); None for others."""
         if name not in ("and", "or") or args[0].dtype != BOOL:
             return None
         for one, other in (args, args[::-1]):

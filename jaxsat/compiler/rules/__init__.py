@@ -1,4 +1,4 @@
-"""The rules by which primitives are lowered, by what kind of primitive they are for."""
+"""Rules that lower primitives, by kind of primitive."""
 
 from jaxsat.compiler.rules import calls as calls
 from jaxsat.compiler.rules import control as control

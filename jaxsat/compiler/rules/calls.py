@@ -1,5 +1,4 @@
-"""Primitives that only call a jaxpr of their own, which is lowered in their place, and primitives
-made of others: what each computes is written in plain `jax.numpy`."""
+"""Rules of primitives that only call a jaxpr, and of those composed of others in `jax.numpy`."""
 
 import functools
 from collections.abc import Callable, Sequence
@@ -37,13 +36,13 @@ def _call(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
 
 
 def _has_large_from_outside(b: Builder, arrays: Sequence[Elements]) -> bool:
-    """Whether one of the arrays is better read where it is than handed over."""
+    """Whether one of the arrays is better read in place than passed."""
     large = (array.flat[0] for array in arrays if array.size > LONGEST)
     return any(isinstance(first, Value) and first.number in b.outside for first in large)
 
 
 def _shared_call(b: Builder, eqn, inner, arrays: Sequence[Elements]) -> list[Elements]:
-    """A call of one function for all that is called several times, known arguments folded in."""
+    """Call a function that is shared by several calls, with constant arguments folded in."""
     args = scalars_of(arrays)
     signature = tuple(
         (x.dtype.char, x.uniform) if isinstance(x, Value) else (x.dtype.char, x.tobytes())
@@ -65,12 +64,11 @@ def _shared_call(b: Builder, eqn, inner, arrays: Sequence[Elements]) -> list[Ele
 
 
 def _outlined_call(b: Builder, inner, arrays: Sequence[Elements]) -> list[Elements]:
-    """A call of a Python function, which is made once for all that may be the same.
+    """Call a Python function, which is lowered once for all equal uses.
 
-    Known numbers are handed over like others, but for whole numbers, which mostly are indices, and
-    those of a function that is called once.
-    Arrays that it does not need are not handed over, and results that are known or given to it
-    are not handed back.
+    Constants are passed like values, except integers, which mostly are indices, and those of a
+    function that is called once. Unused arrays are not passed, and results that are constants or
+    arguments are not returned.
     """
     once = b.outlined[id(inner)][3] == 1
     folded = [
@@ -96,7 +94,7 @@ def _outlined_call(b: Builder, inner, arrays: Sequence[Elements]) -> list[Elemen
 
 
 def _array_of(plan: Elements, scalars: Sequence[Scalar]) -> Elements:
-    """An array of what a function was given (numbers of scalars) and of constants."""
+    """Return an array of a function's arguments (by number of scalars) and of constants."""
     out = np.empty(plan.shape, object)
     for index in np.ndindex(plan.shape):
         one = plan[index]
@@ -105,7 +103,7 @@ def _array_of(plan: Elements, scalars: Sequence[Scalar]) -> Elements:
 
 
 def _python_function(b: Builder, inner, arrays: Sequence[Elements], folded: Sequence[bool]):
-    """A Python function, which arrays it needs, and the origin of results that it does not make."""
+    """Lower a Python function; return it, its needed arrays, and the origin of unmade results."""
     _, name, file, _ = b.outlined[id(inner)]
     inside = []
     for array, fold in zip(arrays, folded, strict=True):
@@ -135,7 +133,7 @@ def _python_function(b: Builder, inner, arrays: Sequence[Elements], folded: Sequ
 
 
 def _plan(result: Elements, places: dict[int, int]) -> Elements | None:
-    """Numbers of given scalars and constants, or None where anything is made."""
+    """Return argument numbers and constants, or None where an element is computed."""
     out = np.empty(result.shape, object)
     for index in np.ndindex(result.shape):
         x = result[index]
@@ -146,8 +144,8 @@ def _plan(result: Elements, places: dict[int, int]) -> Elements | None:
 
 
 def _top_k(x: Array, k: int, axis: int) -> list[Array]:
-    """The largest first, equal ones in their order; floats in IEEE 754's total order, as XLA's:
-    -0.0 below 0.0, NaN beyond all on the side of its sign."""
+    """Return the largest first, equal ones in their order; floats in IEEE 754's total order, as
+    XLA's: -0.0 below 0.0, NaN beyond all on the side of its sign."""
     numbers = lax.broadcasted_iota(jnp.int32, x.shape, axis)
     last = [lax.rev(y, (axis,)) for y in (_in_total_order(x), x, numbers)]
     ordered = lax.sort(last, dimension=axis, num_keys=1)[1:]
@@ -155,7 +153,7 @@ def _top_k(x: Array, k: int, axis: int) -> list[Array]:
 
 
 def _in_total_order(x: Array) -> Array:
-    """Whole numbers in the order of these: the bits of a float, of a negative one turned over."""
+    """Return integers in the order of these: the bits of a float, flipped for a negative one."""
     if x.dtype.kind != "f":
         return x
     word = np.dtype(f"i{x.dtype.itemsize}")
@@ -173,7 +171,7 @@ def _nextafter(x: Array, y: Array) -> Array:
 
 
 def _clz(x: Array) -> Array:
-    """The zeros above the first one: all below it are made ones and counted."""
+    """Count leading zeros: all bits below the first one are set and counted."""
     width = 8 * x.dtype.itemsize
     shift = 1
     while shift < width:
@@ -189,7 +187,7 @@ def _tile(x: Shaped[Array, "..."], reps: tuple[int, ...]) -> Array:
 
 
 def _reduce_precision(x: Array, exponent_bits: int, mantissa_bits: int) -> Array:
-    """The nearest float of fewer bits, ties to even; what is subnormal there becomes zero."""
+    """Return the nearest float of fewer bits, ties to even; subnormal results become zero."""
     info = jnp.finfo(x.dtype)
     word = np.dtype(f"u{x.dtype.itemsize}")
     bits, surplus = lax.bitcast_convert_type(x, word), info.nmant - mantissa_bits
@@ -208,7 +206,6 @@ def _reduce_precision(x: Array, exponent_bits: int, mantissa_bits: int) -> Array
 
 
 def _polynomial(x: Array, *coefficients: Array) -> Array:
-    """By Horner's rule, coefficients of low powers first."""
     return functools.reduce(lambda total, c: total * x + c, reversed(coefficients))
 
 
@@ -225,7 +222,7 @@ COMPOSED: dict[str, Callable[..., Callable]] = {
     "tile": lambda reps, **_: partial(_tile, reps=reps),
     "top_k": lambda k, axis=-1, **_: partial(_top_k, k=k, axis=axis),
 }
-"""By a primitive's name, what gives its function for its parameters."""
+"""Makers of a primitive's function from its parameters, by the primitive's name."""
 
 
 @lowers(*COMPOSED)

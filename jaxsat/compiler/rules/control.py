@@ -1,7 +1,7 @@
-"""Loops and branches, and which arrays of a jaxpr differ from lane to lane.
+"""Rules of loops and branches, and analysis of arrays that differ from lane to lane.
 
 A carry of a loop may begin the same in all lanes and come out of the body different; so loops are
-gone through until nothing changes. Arrays count as wholes: one varying element makes all vary.
+analysed to a fixed point. Arrays count as wholes: one varying element makes all vary.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ from jaxsat.core.jaxprs import Equation, Jaxpr, Literal
 from jaxsat.core.once import latest
 
 UNROLLED = 64
-"""Scans of at most so many equations in all are written out."""
+"""Largest number of equations of a scan that is unrolled."""
 
 
 def _varies(array: Elements) -> bool:
@@ -160,9 +160,9 @@ def _cond(b: Builder, eqn, which: Elements, *arrays: Elements) -> list[Elements]
 
 
 def varying_outputs(jaxpr: Jaxpr, varying: Sequence[bool]) -> list[bool]:
-    """Which outputs vary where these inputs do.
+    """Return which outputs vary where these inputs do.
 
-    It is remembered, as the loops around a loop ask the same of its body again and again.
+    It is memoised, as the loops around a loop ask the same of its body again and again.
     """
     return list(_varying_outputs(jaxpr, tuple(varying)))
 
@@ -195,7 +195,7 @@ def _outputs(eqn: Equation, varying: list[bool]) -> list[bool]:
 
 
 def while_carries(eqn: Equation, varying: Sequence[bool]) -> tuple[list[bool], bool]:
-    """Which carries of a `while` vary, and whether its condition does."""
+    """Return which carries of a `while` vary, and whether its condition does."""
     test, body = eqn.parameters["test"], eqn.parameters["body"]
     n_test, n_body = eqn.parameters["n_test"], eqn.parameters["n_body"]
     of_test, of_body = list(varying[:n_test]), list(varying[n_test : n_test + n_body])
@@ -214,7 +214,7 @@ def while_carries(eqn: Equation, varying: Sequence[bool]) -> tuple[list[bool], b
 
 
 def scan_outputs(eqn: Equation, varying: Sequence[bool]) -> tuple[list[bool], list[bool]]:
-    """Which carries and which stacked outputs of a `scan` vary."""
+    """Return which carries and which stacked outputs of a `scan` vary."""
     body = eqn.parameters["body"]
     n_consts, n_carry = eqn.parameters["n_consts"], eqn.parameters["n_carry"]
     consts, xs = list(varying[:n_consts]), list(varying[n_consts + n_carry :])
@@ -228,6 +228,6 @@ def scan_outputs(eqn: Equation, varying: Sequence[bool]) -> tuple[list[bool], li
 
 
 def unchanged(body: Jaxpr, n_consts: int) -> list[bool]:
-    """Which carries a body hands on as they are."""
+    """Return which carries a body passes on unchanged."""
     carries = body.inputs[n_consts:]
     return [out is carry for out, carry in zip(body.outputs, carries, strict=False)]

@@ -1,4 +1,4 @@
-"""Arithmetic, comparisons, selections and conversions, element by element."""
+"""Rules of arithmetic, comparisons, selections and conversions, element by element."""
 
 from collections.abc import Callable
 from typing import Any
@@ -64,14 +64,14 @@ def _shift(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
 
 
 def negative(b: Builder, x: Scalar) -> Scalar:
-    """-x."""
+    """Return -x."""
     if x.dtype.kind == "f":
         return b.operation("neg", x)
     return b.operation("sub", x.dtype.type(0), x)
 
 
 def absolute(b: Builder, x: Scalar) -> Scalar:
-    """|x|."""
+    """Return |x|."""
     if x.dtype.kind == "f":
         return b.operation("abs", x)
     if x.dtype.kind == "u":
@@ -90,7 +90,7 @@ def _sign(b: Builder, x: Scalar) -> Scalar:
 
 
 def quotient(b: Builder, x: Scalar, y: Scalar) -> Scalar:
-    """x / y; whole numbers as XLA has them: -1 where y is zero."""
+    """Return x / y; integers as in XLA: -1 where y is zero."""
     if x.dtype.kind == "f":
         if not isinstance(y, Value) and _is_power_of_two(y):
             return b.operation("mul", x, y.dtype.type(1 / float(y)))  # the same in all bits
@@ -109,7 +109,7 @@ def _remainder(b: Builder, x: Scalar, y: Scalar) -> Scalar:
 
 
 def _whole(b: Builder, name: str, x: Scalar, y: Scalar, by_zero: Scalar) -> Scalar:
-    """Division of whole numbers by a divisor that cannot trap."""
+    """Divide integers by a divisor that cannot trap."""
     zero, one = x.dtype.type(0), x.dtype.type(1)
     none = b.operation("eq", y, zero)
     safe = b.select(none, one, y)
@@ -122,7 +122,7 @@ def _whole(b: Builder, name: str, x: Scalar, y: Scalar, by_zero: Scalar) -> Scal
 
 
 def extremum(b: Builder, name: str, x: Scalar, y: Scalar) -> Scalar:
-    """The larger ("max") or smaller one; NaN where either is NaN, and -0.0 below 0.0."""
+    """Return the larger ("max") or smaller one; NaN where either is NaN, and -0.0 below 0.0."""
     if x.dtype == BOOL:
         return b.operation("or" if name == "max" else "and", x, y)
     return b.operation(name, x, y)
@@ -156,7 +156,7 @@ OF_SCALARS: dict[str, Callable[..., Scalar]] = {
     "select_n": _select,
     "sign": _sign,
 }
-"""By a primitive's name, what the builder makes of the scalars of one place."""
+"""Functions of the scalars of one place, by the primitive's name."""
 
 
 @lowers(*OF_SCALARS)
@@ -204,7 +204,7 @@ def _round(b: Builder, eqn, x: Elements) -> Elements:
 
 @lowers("eq_to", "le_to", "lt_to")
 def _in_total_order(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
-    """Comparisons by bits: -0.0 before 0.0, NaN after infinity (before it with a sign)."""
+    """Compare by bits: -0.0 before 0.0, NaN after infinity (before it with a sign)."""
     name = eqn.name.removesuffix("_to")
     return each(
         lambda x, y: b.operation(name, _ordered_like_bits(b, x), _ordered_like_bits(b, y)), x, y
@@ -212,7 +212,7 @@ def _in_total_order(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
 
 
 def _ordered_like_bits(b: Builder, x: Scalar) -> Scalar:
-    """A whole number that is ordered like the bits of a float."""
+    """Return an integer that is ordered like the bits of a float."""
     if x.dtype.kind != "f":
         return b.convert(x, np.dtype(np.uint8)) if x.dtype == BOOL else x
     whole = np.dtype(f"i{x.dtype.itemsize}")

@@ -1,5 +1,4 @@
-"""Arrays that are indexed: gathers, scatters and dynamic slices, with indices known or not before
-the program runs."""
+"""Rules of gathers, scatters and dynamic slices, with constant or computed indices."""
 
 from collections.abc import Callable, Sequence
 from typing import SupportsIndex
@@ -15,23 +14,23 @@ from jaxsat.compiler.operations import BOOL, INT
 from jaxsat.compiler.rules.elementwise import extremum
 
 CHOSEN = 16
-"""Of at most so many elements one is found by selections; more are put into memory."""
+"""Largest number of elements from which one is selected; more are put into memory."""
 
 LARGEST = 1 << 20
-"""Elements of a memory: with eight lanes of 64 bits, 64 MiB."""
+"""Largest number of elements of a memory: with eight lanes of 64 bits, 64 MiB."""
 
 
 def memory_of(
     dtype: np.dtype, size: int, uniform: bool, initial: np.ndarray | None = None
 ) -> Memory:
-    """A memory of `size` numbers. Raises `CannotLower` where it would be too large."""
+    """Return a memory of `size` numbers. Raises `CannotLower` where it would be too large."""
     if size > LARGEST:
         raise CannotLower(f"An array of {size} numbers is larger than {LARGEST}")
     return Memory(dtype, size, uniform, initial)
 
 
 def stored(b: Builder, elements: np.ndarray) -> Memory:
-    """A memory that holds the elements of an array in order; one from outside is there already."""
+    """Return a memory with the elements of an array in order; an external one exists already."""
     flat = list(elements.flat)
     dtype = flat[0].dtype
     if isinstance(flat[0], Value) and b.outside.get(flat[0].number) == flat:
@@ -47,7 +46,7 @@ def stored(b: Builder, elements: np.ndarray) -> Memory:
 
 
 def element(b: Builder, elements: Sequence[Scalar], index: Scalar) -> Scalar:
-    """The element with the number `index`, which is in range."""
+    """Return the element with the number `index`, which is in range."""
     if not isinstance(index, Value):
         return elements[int(index)]
     if b.compact and any(isinstance(x, Value) for x in elements):
@@ -64,9 +63,9 @@ def element(b: Builder, elements: Sequence[Scalar], index: Scalar) -> Scalar:
 
 
 def _index(b: Builder, x: Scalar, wraps: bool = False) -> Scalar:
-    """An index as a 32-bit number.
+    """Return an index as a 32-bit number.
 
-    Larger ones than any array go to the end of the range, or lose their upper bits if told.
+    Indices beyond any array are clipped to the range, or lose their upper bits with `wraps`.
     """
     if x.dtype == INT or wraps:
         return b.convert(x, INT)
@@ -83,7 +82,7 @@ def _clamped(b: Builder, index: Scalar, last: int) -> Scalar:
 
 
 def _linear(b: Builder, starts: Sequence[Scalar], shape: Sequence[int]) -> Scalar:
-    """The number of an element in C order."""
+    """Return the index of an element in C order."""
     position: Scalar = INT.type(0)
     for start, size in zip(starts, shape, strict=True):
         position = b.operation("add", b.operation("mul", position, INT.type(size)), start)
@@ -91,9 +90,9 @@ def _linear(b: Builder, starts: Sequence[Scalar], shape: Sequence[int]) -> Scala
 
 
 def _reader(b: Builder, x: Elements, last: Sequence[int]) -> Callable[..., Scalar]:
-    """What reads the element `offset` after a start, which is from zero to `last`.
+    """Return a reader of the element `offset` after a start, which is from zero to `last`.
 
-    Few elements are chosen from; an array of many is put into memory once.
+    Few elements are selected from; an array of many is put into memory once.
     """
     memories: list[Memory] = []
 
@@ -148,7 +147,7 @@ def _dynamic_update_slice(b: Builder, eqn, x: Elements, new: Elements, *starts: 
 
 
 def _put(b: Builder, flat: list[Scalar], at: Scalar, inside: Scalar, new) -> None:
-    """Replace element `at` of a flat array by `new(it)` if `inside`."""
+    """Replace element `at` of a flat array by `new` of it, if `inside`."""
     if not isinstance(at, Value):
         if 0 <= int(at) < len(flat):
             flat[int(at)] = b.select(inside, new(flat[int(at)]), flat[int(at)])
@@ -193,7 +192,7 @@ def _gather(b: Builder, eqn, x: Elements, indices: Elements) -> Elements:
 def _starts(
     b: Builder, rank: int, indices: Elements, dims: Sequence[SupportsIndex], wraps: bool = False
 ) -> list[Scalar]:
-    """Where a window begins, dimension by dimension; zero in those that have no index."""
+    """Return the start of a window by dimension; zero in those without an index."""
     starts: list[Scalar] = [INT.type(0)] * rank
     for index, dim in zip(indices, dims, strict=True):
         starts[dim] = _index(b, index, wraps)
@@ -264,7 +263,7 @@ def _joined(b: Builder, eqn, join: str, new: Scalar):
 
 
 def _updated(b: Builder, eqn, old: Scalar, new: Scalar) -> Scalar:
-    """What takes the place of an element: the new one, or a function of the old one."""
+    """Return the new value of an element: the update, or a function of the old one."""
     program = eqn.parameters["update"]
     if program is None:
         return new

@@ -1,4 +1,4 @@
-"""Products and solutions of small matrices, written out."""
+"""Rules of products and solutions of small matrices, unrolled."""
 
 from collections.abc import Iterable
 from functools import reduce
@@ -50,7 +50,7 @@ def _is_worth_a_call(x: Elements, y: Elements, length: int) -> bool:
 
 
 def inner_product(b: Builder, x: Iterable[Scalar], y: Iterable[Scalar], dtype: np.dtype) -> Scalar:
-    """The sum of products, in order and from 0.0; of bools: whether any pair holds."""
+    """Return the sum of products, in order and from 0.0; of bools: whether any pair holds."""
     times, plus = ("and", "or") if dtype == BOOL else ("mul", "add")
     terms = [
         b.operation(times, b.convert(p, dtype), b.convert(q, dtype))
@@ -65,7 +65,7 @@ def inner_product(b: Builder, x: Iterable[Scalar], y: Iterable[Scalar], dtype: n
 
 @lowers("custom_linear_solve")
 def _custom_linear_solve(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
-    """What its function `solve` gives."""
+    """Lower the equation's function `solve`."""
     first = eqn.parameters["before"]
     last = first + eqn.parameters["n_solve"]
     sides = arrays[last + eqn.parameters["between"] :]
@@ -73,7 +73,7 @@ def _custom_linear_solve(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
 
 
 def _batches(x: Elements, *others: Elements):
-    """The matrices of a stack, and what belongs to each."""
+    """Yield the index and matrix of a stack, and its part of the other arrays."""
     for index in np.ndindex(x.shape[:-2]):
         yield index, x[index], *(other[index] for other in others)
 
@@ -91,7 +91,7 @@ def _lu(b: Builder, eqn, x: Elements) -> list[Elements]:
 
 
 def _eliminate(b: Builder, x: Elements, pivots: Elements, order: Elements) -> None:
-    """In place: both factors, which row came to which, and where all rows are from."""
+    """Factorise in place: both factors, the row exchanges, and the origins of all rows."""
     for row in range(len(x)):
         order[row] = INT.type(row)
     for k in range(len(pivots)):
@@ -111,7 +111,6 @@ def _eliminate(b: Builder, x: Elements, pivots: Elements, order: Elements) -> No
 
 
 def _pivot(b: Builder, column: Elements, first: int) -> Scalar:
-    """The number of the largest element from the first on."""
     best, where = absolute(b, column[first]), INT.type(first)
     for row in range(first + 1, len(column)):
         size = absolute(b, column[row])
@@ -128,7 +127,7 @@ def _exchange(b: Builder, if_so: Scalar, x: Elements, one: int, other: int) -> N
 
 @lowers("cholesky")
 def _cholesky(b: Builder, eqn, x: Elements) -> Elements:
-    """The lower factor; NaN where the matrix is not positive definite."""
+    """Return the lower factor; NaN where the matrix is not positive definite."""
     out = np.empty(x.shape, object)
     dtype = eqn.outputs[0].aval.dtype
     for _, matrix, factor in _batches(x, out):
@@ -147,7 +146,7 @@ def _cholesky(b: Builder, eqn, x: Elements) -> Elements:
 
 
 def _reduced(b: Builder, x: Scalar, row: Iterable[Scalar], column: Iterable[Scalar]) -> Scalar:
-    """x less the inner product."""
+    """Return x less the inner product."""
     for p, q in zip(row, column, strict=True):
         x = b.operation("sub", x, b.operation("mul", p, q))
     return x

@@ -1,4 +1,4 @@
-"""Elementary functions: each is written in plain `jax.numpy` and lowered as a function once."""
+"""Rules of elementary functions, each in plain `jax.numpy` and lowered as a function once."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -13,10 +13,10 @@ from jaxsat.compiler.passes.dead_code import without_dead_code
 from jaxsat.core.jaxprs import Literal
 
 PARTS = ("sin", "cos")
-"""Results of the function `sincos`: who needs both calls it once."""
+"""Results of the function `sincos`, which is called once for both."""
 
 SHORT = ("atan2", "erf_inv")
-"""Functions with a short way, which a processor does beside its neighbours."""
+"""Functions with a short version, which is inlined."""
 
 INTERNAL = ("sincos", "near_sincos", *(f"near_{name}" for name in (*PARTS, *SHORT)))
 """Functions that are no primitives."""
@@ -28,7 +28,7 @@ def _written(b: Builder, eqn, *arrays: Elements) -> Elements:
 
 
 def _called(b: Builder, name: str, scalars: Sequence[Scalar]) -> Sequence[Scalar]:
-    """The results of a function, known ones of known arguments."""
+    """Return the results of a function, constants for constant arguments."""
     dtypes = [x.dtype for x in scalars]
     function = function_of(b, name, program(name, *dtypes), scalars)
     if name == "sincos" and not function.parts and not b.compact:
@@ -42,7 +42,7 @@ def _called(b: Builder, name: str, scalars: Sequence[Scalar]) -> Sequence[Scalar
 
 @lowers(*SHORT)
 def _by_short_way(b: Builder, eqn, *arrays: Elements) -> Elements:
-    """The short way in place; a call where it fails in some lane, which is seldom."""
+    """Inline the short version, with a call where it fails in some lane, which is rare."""
     name = eqn.name
 
     def one(*scalars: Scalar) -> Scalar:
@@ -57,7 +57,7 @@ def _by_short_way(b: Builder, eqn, *arrays: Elements) -> Elements:
 
 @lowers(*PARTS, *(f"jaxsat_{part}" for part in PARTS))
 def _sine_or_cosine(b: Builder, eqn, x: Elements) -> Elements:
-    """The short way in place, which a processor does beside its neighbours; a call if it fails."""
+    """Inline the short version, with a call where it fails in some lane, which is rare."""
     part, operand = eqn.name.removeprefix("jaxsat_"), eqn.inputs[0]
     if b.compact:
         return each(lambda y: _compact(b, part, y), x)
@@ -79,7 +79,7 @@ def _sine_or_cosine(b: Builder, eqn, x: Elements) -> Elements:
 
 
 def _compact(b: Builder, part: str, y: Scalar) -> Scalar:
-    """Sine or cosine as a call of one function, which has the way seldom taken inside it."""
+    """Call sine or cosine as one function, which contains the rare long version."""
     if not isinstance(y, Value):
         return _called(b, "sincos", [y])[PARTS.index(part)]
     key = (part, y.dtype.char, y.uniform)
@@ -107,7 +107,7 @@ def _integer_pow(b: Builder, eqn, x: Elements) -> Elements:
 
 
 def power(b: Builder, x: Scalar, exponent: int) -> Scalar:
-    """x to a whole number, by repeated squaring."""
+    """Return x to an integer power, by repeated squaring."""
     one = x.dtype.type(1)
     product, square, left = None, x, abs(exponent)
     while left:

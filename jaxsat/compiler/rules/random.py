@@ -1,4 +1,4 @@
-"""Typed random keys and Threefry: every key is one 64-bit number, so it is moved like any other."""
+"""Rules of typed random keys and Threefry: every key is one 64-bit number, moved like any other."""
 
 from collections.abc import Callable
 
@@ -41,7 +41,7 @@ def _joined(b: Builder, first: Scalar, second: Scalar) -> Scalar:
 
 
 def _words(b: Builder, keys: Elements) -> Elements:
-    """Both words of every key along a last axis."""
+    """Return both words of every key along a last axis."""
     first = each(lambda x: b.operation("shift_right_logical", x, KEYS.type(32)), keys)
     halves = [each(lambda x: b.convert(x, WORD), half) for half in (first, keys)]
     return np.stack(halves, axis=-1)
@@ -84,7 +84,6 @@ def _fold_in(b: Builder, eqn, keys: Elements, numbers: Elements) -> Elements:
 
 
 def _kind(eqn):
-    """JAX's functions for keys of this type."""
     return key_functions(eqn.inputs[0].aval.dtype)
 
 
@@ -94,7 +93,7 @@ def _key_words(keys: Elements) -> jax.ShapeDtypeStruct:
 
 @lowers("iota_2x32_shape")
 def _counters(b: Builder, eqn) -> list[Elements]:
-    """The number of every element as two words."""
+    """Return the index of every element as two words."""
     del b
     shape = eqn.outputs[0].aval.shape
     numbers = np.arange(int(np.prod(shape)), dtype=KEYS).reshape(shape)
@@ -103,7 +102,7 @@ def _counters(b: Builder, eqn) -> list[Elements]:
 
 @lowers("threefry2x32")
 def _threefry(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
-    """Both words of every counter, by a function made once."""
+    """Encrypt every counter's two words, by a function lowered once."""
     shape = eqn.outputs[0].aval.shape
     flats = [np.broadcast_to(x, shape).reshape(-1) for x in arrays]
     pairs = [_encrypted(b, scalars) for scalars in zip(*flats, strict=True)]

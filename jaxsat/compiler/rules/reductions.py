@@ -1,4 +1,4 @@
-"""Sums, extrema, searches and sorts of arrays small enough to be written out."""
+"""Rules of sums, extrema, searches and sorts of small arrays, unrolled."""
 
 from collections.abc import Callable, Sequence
 from functools import reduce
@@ -16,7 +16,7 @@ REDUCTIONS = ("sum", "prod", "max", "min", "and", "or", "xor")
 
 
 def joining(b: Builder, name: str) -> Callable[[Scalar, Scalar], Scalar]:
-    """How two elements are joined in a reduction of this name."""
+    """Return the binary operation of a reduction of this name."""
     if name in ("max", "min"):
         return lambda x, y: extremum(b, name, x, y)
     operation = {"sum": "add", "prod": "mul"}.get(name, name)
@@ -24,19 +24,19 @@ def joining(b: Builder, name: str) -> Callable[[Scalar, Scalar], Scalar]:
 
 
 def _begun(b: Builder, name: str, row: Sequence[Scalar]) -> Sequence[Scalar]:
-    """The elements of a row as they are joined: a sum begins at 0.0, so no sum is -0.0."""
+    """Return the elements of a row for a reduction: a sum begins at 0.0, so no sum is -0.0."""
     if name != "sum" or not len(row):
         return row
     return [from_zero(b, row[0]), *row[1:]]
 
 
 def from_zero(b: Builder, x: Scalar) -> Scalar:
-    """0 + x."""
+    """Return 0 + x."""
     return b.operation("add", x, x.dtype.type(0))
 
 
 def empty_value(name: str, dtype: np.dtype) -> Scalar:
-    """What the reduction of nothing gives."""
+    """Return the reduction of no elements."""
     if name in ("max", "min"):
         limits = np.finfo(dtype) if dtype.kind == "f" else np.iinfo(dtype)
         low, high = (-np.inf, np.inf) if dtype.kind == "f" else (limits.min, limits.max)
@@ -65,7 +65,7 @@ def _reduce(b: Builder, eqn, x: Elements) -> Elements:
 
 
 def _joined(join: Callable[[Scalar, Scalar], Scalar], name: str, row: Sequence[Scalar]) -> Scalar:
-    """A row joined in order; where the order changes nothing in pairs, few wait for one another."""
+    """Reduce a row in order, or by a balanced tree where the order has no effect."""
     if name not in ("max", "min"):
         return reduce(join, row)
     while len(row) > 1:
@@ -75,7 +75,7 @@ def _joined(join: Callable[[Scalar, Scalar], Scalar], name: str, row: Sequence[S
 
 
 def _long_sum(b: Builder, row: Elements) -> Scalar:
-    """A sum as a loop: of products, it is an inner product."""
+    """Return a sum as a loop: an inner product for a sum of products."""
     factors = [b.factors.get(x.number) if isinstance(x, Value) else None for x in row]
     out = (), row[0].dtype
     if None in factors:
@@ -85,7 +85,7 @@ def _long_sum(b: Builder, row: Elements) -> Scalar:
 
 
 def _is_loop(b: Builder, row: Elements, least: int) -> bool:
-    """Whether a row that is not known is long enough for a loop in a compact program."""
+    """Whether a computed row is long enough for a loop in a compact program."""
     return b.compact and len(row) >= least and any(isinstance(x, Value) for x in row)
 
 
@@ -135,7 +135,7 @@ def _better(b: Builder, order: str, value: Scalar, best: Scalar) -> Scalar:
 
 @lowers("sort")
 def _sort(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
-    """Neighbours exchanged until all are in order, which keeps equal ones as they were."""
+    """Sort by exchanges of neighbours, which keeps the order of equal ones."""
     axis, keys = eqn.parameters["dimension"], eqn.parameters["num_keys"]
     rows = [np.moveaxis(x, axis, -1).copy() for x in arrays]
     for index in np.ndindex(rows[0].shape[:-1]):

@@ -1,4 +1,4 @@
-"""Primitives that only move elements: they move the scalars of object arrays when lowered."""
+"""Rules of primitives that only move elements: they move the scalars of object arrays."""
 
 from collections.abc import Callable, Sequence
 
@@ -36,7 +36,7 @@ def _pad(eqn, x: Elements, padding: Elements) -> Elements:
 
 
 def _padded(x: Elements, scalar: Scalar, low: int, high: int, between: int) -> Elements:
-    """An array padded along the first axis; a negative width cuts off."""
+    """Pad an array along the first axis; a negative width cuts off."""
     size, rest = len(x), x.shape[1:]
     spread = filled((size + max(size - 1, 0) * between, *rest), scalar)
     spread[:: between + 1] = x
@@ -53,7 +53,7 @@ def _iota(eqn) -> Elements:
 
 
 def _platform_index(eqn) -> Elements:
-    """Which branch is for this platform: the processor's, else the one for all."""
+    """Return the branch of the CPU platform, else the one for all."""
     platforms = eqn.parameters["platforms"]
     chosen = next((i for i, names in enumerate(platforms) if names and "cpu" in names), None)
     if chosen is None:
@@ -66,7 +66,7 @@ def _empty(eqn) -> Elements:
 
 
 def _unstack(eqn, x: Elements) -> list[Elements]:
-    """What unpacking an array that is known gives."""
+    """Return the parts of a constant array."""
     first = np.moveaxis(x, eqn.parameters["axis"], 0)
     return [first[i : i + 1].reshape(first.shape[1:]) for i in range(len(first))]
 
@@ -90,7 +90,7 @@ MOVES: dict[str, Callable[..., Elements | Sequence[Elements]]] = {
     "transpose": lambda eqn, x: x.transpose(eqn.parameters["permutation"]),
     "unstack": _unstack,
 }
-"""By a primitive's name, what it makes of arrays, given its equation."""
+"""Functions of arrays for each primitive, given its equation."""
 
 
 @lowers(*MOVES)

@@ -1,4 +1,4 @@
-"""Reductions by any function, and of windows that move along."""
+"""Rules of reductions by any function, of moving windows, and of convolutions."""
 
 from collections.abc import Callable, Sequence
 from functools import reduce
@@ -13,7 +13,7 @@ from jaxsat.compiler.rules.reductions import empty_value, from_zero, joining
 
 
 def _by_program(b: Builder, eqn) -> Callable[[Sequence[Scalar], Sequence[Scalar]], list[Scalar]]:
-    """How elements are joined by the equation's own program."""
+    """Return the binary operation of the equation's own program."""
 
     def join(left: Sequence[Scalar], right: Sequence[Scalar]) -> list[Scalar]:
         arrays = [filled((), x) for x in (*left, *right)]
@@ -68,7 +68,7 @@ def _window(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
 
 
 def _windows(eqn, xs: Sequence[Elements]) -> Callable[[tuple[int, ...]], list]:
-    """The elements that a window holds, by the place of its result; padding is left out."""
+    """Return the elements of a window by the place of its result, without padding."""
     params, size = eqn.parameters, eqn.parameters["window_dimensions"]
     steps = params["window_strides"], params["padding"]
     dilations = params["base_dilation"], params["window_dilation"]
@@ -109,7 +109,7 @@ def _convolution(b: Builder, eqn, x: Elements, weights: Elements) -> Elements:
 
 
 def _position(sizes, place, index, strides, padding, spreads, dilations) -> tuple[int, ...] | None:
-    """Where element `index` of the window of the result at `place` lies, if not in the padding."""
+    """Return the place of element `index` of the window at `place`, None in the padding."""
     at = []
     for axis, size in enumerate(sizes):
         number = place[axis] * strides[axis] - padding[axis][0] + index[axis] * dilations[axis]
