@@ -42,15 +42,15 @@ LEFT: Mapping[Laws, WhatFlies] = {
         ("three-slew", "oscillatory", "planned"),
     ),
     "two wheels": WhatFlies(
-        "the law fault-tolerant and the laws for two torques apply, by wheels without momentum "
-        "about their normal",
+        "the laws for two torques apply, by wheels without momentum about their normal, and the "
+        "law fault-tolerant where no thruster works beside them",
         (TolerantMode.TWO_WHEELS,),
         ("fault-tolerant", "three-axis", "three-slew"),
     ),
     "nearest attitude": WhatFlies(
-        "the law fault-tolerant applies; with their momentum two wheels hold some attitudes, and "
-        "it goes to the one nearest to the target, unless the momentum would turn the body faster "
-        "than a slew may",
+        "the law fault-tolerant applies where no thruster works beside the wheels; with their "
+        "momentum two wheels hold some attitudes, and it goes to the one nearest to the target, "
+        "unless the momentum would turn the body faster than a slew may",
         (TolerantMode.NEAREST,),
         ("fault-tolerant",),
         everywhere=False,

@@ -21,12 +21,13 @@ CONTROLLABLE = ("controllable", "by drift")
 
 @dataclass(frozen=True)
 class OrbitRank:
-    """Directions that magnetorquers and wheels reach over an orbit, about rest in the orbit frame.
+    """Directions that magnetorquers and wheels reach over an orbit, about rest near its frame.
 
     `rods` is the number of independent axes of magnetorquers, `wheels` that of wheels. `rank` of
     `dimension`: reached directions of attitude, rate and wheel momentum. `margin` is the ratio of
     the least to the largest singular value of a factor of the Gramian, its minimum and maximum as
-    the Earth turns. Without `rest` the orbit frame is no equilibrium, and the rank is unknown.
+    the Earth turns. `turn` (rad) is the angle from the orbit frame to the rest; NaN without a rest
+    near it, where the rank is unknown.
     """
 
     rods: int
@@ -34,7 +35,12 @@ class OrbitRank:
     rank: int
     dimension: int
     margin: tuple[float, float]
-    rest: bool
+    turn: float
+
+    @property
+    def rests(self) -> bool:
+        """Whether some attitude near the orbit frame is an equilibrium."""
+        return self.turn == self.turn
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +54,7 @@ class Judgement:
       or magnetorquers along one axis suffice;
     - "some attitudes": two wheels with remaining momentum, which hold only attitudes n·CH = n·β;
     - "not decided": thrusters with less than three torques, beside a coasting wheel; or
-      magnetorquers where rest in the orbit frame is no equilibrium;
+      magnetorquers where no attitude near the orbit frame is an equilibrium;
     - "borderline": the data or their round-off decide, or the field hardly turns at times of a day;
     - "uncontrollable".
 

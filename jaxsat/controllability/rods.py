@@ -17,6 +17,7 @@ from jaxtyping import Float
 from jaxsat.control.periodic_gain import TURNS, reference_moment, small_motion
 from jaxsat.control.what_is_left import Laws
 from jaxsat.controllability.judgement import Judgement, OrbitRank, Verdict
+from jaxsat.controllability.orbit_rest import NORMAL, rest_near_frame
 from jaxsat.core.once import once_property
 from jaxsat.spacecraft.environment.orbit import AbstractMagneticField
 
@@ -28,9 +29,6 @@ LEAST_MARGIN = 2e-3
 
 SAME_AXIS = 1e-6
 """Tolerance on the sine of the angle between two equal axes."""
-
-NORMAL = np.array([0.0, -1.0, 0.0])
-"""The orbit normal at rest in the orbit frame, body axes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +47,16 @@ class RodSet:
     bias: float = 0.0
     gravity_gradient: bool = False
 
-    def torques(self, places: Sequence[int]) -> Float[np.ndarray, "turns instants 3 n"]:
-        """Return torques (N m) of some at their limits, along an orbit, for Earth angles."""
+    def torques(
+        self, places: Sequence[int], to_body: Float[np.ndarray, "3 3"] | None = None
+    ) -> Float[np.ndarray, "turns instants 3 n"]:
+        """Return torques (N m, orbit frame) of some at their limits, along an orbit, for Earth
+        angles.
+
+        The body rests at the attitude `to_body`, by default that of the orbit frame.
+        """
         dipoles = (self.axes * self.limits)[:, list(places)]
+        dipoles = dipoles if to_body is None else to_body.T @ dipoles
         return np.cross(dipoles.T, self._fields[..., None, :]).swapaxes(-1, -2)
 
     @once_property
@@ -75,18 +80,25 @@ def judge_with_rods(
     held = bool(np.linalg.norm(NORMAL - basis @ (basis.T @ NORMAL)) <= SAME_AXIS)
     momentum = without.actuators.coasting + held * rods.bias * NORMAL
     rate = float(rods.field.circle.rate)
-    whole = rate * inertia @ NORMAL + momentum
-    across = np.linalg.norm(np.cross(NORMAL, whole))
-    aligned = bool(across <= SAME_AXIS * np.linalg.norm(whole))
     independent = int(np.linalg.matrix_rank(rods.axes[:, list(places)], tol=SAME_AXIS))
-    dimension, rank, margin = 6 + basis.shape[1], 0, (0.0, 0.0)
-    if aligned:
-        values = orbit_singular_values(inertia, basis, momentum, rods, places)
+    dimension, rank, margin, turn = 6 + basis.shape[1], 0, (0.0, 0.0), np.nan
+    pull = rods.gravity_gradient
+    rest = rest_near_frame(inertia, momentum / rate, basis, gravity_gradient=pull)
+    if rest is not None:
+        back, turn = rest.to_body.T, rest.turn
+        values = orbit_singular_values(
+            back @ inertia @ back.T,
+            back @ basis,
+            back @ rest.momentum * rate,
+            rods,
+            places,
+            rest.to_body,
+        )
         rank = int(np.max(np.sum(values > tolerance * values[:, :1], axis=1)))
         ratios = values[:, -1] / values[:, 0]
         margin = (float(ratios.min()), float(ratios.max()))
-    verdict, laws = _verdict(aligned, rank == dimension, margin, independent > 1)
-    orbit = OrbitRank(independent, basis.shape[1], rank, dimension, margin, aligned)
+    verdict, laws = _verdict(rest is not None, rank == dimension, margin, independent > 1)
+    orbit = OrbitRank(independent, basis.shape[1], rank, dimension, margin, turn)
     if verdict != "controllable" and without.controllable:
         return without
     return dataclasses.replace(
@@ -103,9 +115,9 @@ def judge_with_rods(
 
 
 def _verdict(
-    aligned: bool, full: bool, margin: tuple[float, float], flown: bool
+    rests: bool, full: bool, margin: tuple[float, float], flown: bool
 ) -> tuple[Verdict, Laws]:
-    if not aligned:
+    if not rests:
         return "not decided", "none"
     if not full:
         return "uncontrollable", "none"
@@ -127,10 +139,12 @@ def orbit_singular_values(
     momentum: Float[np.ndarray, "3"],
     rods: RodSet,
     places: Sequence[int],
+    to_body: Float[np.ndarray, "3 3"] | None = None,
 ) -> Float[np.ndarray, "turns x"]:
     """Compute singular values of a factor of the Gramian over an orbit, for Earth angles.
 
-    `basis` (3, p) is that of the torques of wheels, whose `momentum` at rest is in N m s. The
+    `basis` (3, p) is that of the torques of wheels, whose `momentum` at rest is in N m s. These and
+    the inertia are in axes along those of the orbit frame at rest, at the attitude `to_body`. The
     state is (δθ, δω / ω0, η), as in `lvlh_linearisation`. Wheels are as strong as the strongest
     torque of rods.
     """
@@ -142,7 +156,7 @@ def orbit_singular_values(
         scaled, basis, momentum / (moment * rate), gravity_gradient=rods.gravity_gradient
     )
     inverse, unmade = np.linalg.inv(scaled), np.eye(3) - basis @ basis.T
-    torques = rods.torques(places)
+    torques = rods.torques(places, to_body)
     torques = torques / np.abs(torques).max()
     own = np.concatenate([np.zeros((3, 3)), inverse @ unmade, basis.T])
     wheels = np.concatenate([np.zeros((3, count)), inverse @ basis, -np.eye(count)])

@@ -9,6 +9,9 @@ from jaxsat.controllability.decision import RankDecision
 from jaxsat.controllability.judgement import Judgement, OrbitRank
 from jaxsat.core.text import capitalised, fixed_text, number_text
 
+ALIGNED = 0.01
+"""Angle (degrees) to the orbit frame below which a body counts as at rest in it."""
+
 
 def _direction(vector: Float[np.ndarray, "3"]) -> str:
     vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
@@ -150,31 +153,45 @@ def rod_torques(orbit: OrbitRank) -> str:
 def _rod_sentence(judgement: Judgement, orbit: OrbitRank) -> str:
     """Return the verdict as text where magnetorquers decide."""
     makers = "Magnetorquers and wheels" if orbit.wheels else "Magnetorquers alone"
-    if not orbit.rest:
+    if not orbit.rests:
         return (
             f"Not decided: {makers[0].lower()}{makers[1:]} make {rod_torques(orbit)} at an "
-            "instant, but rest in the orbit frame is no equilibrium, about which jaxsat analyses "
-            "the motion over an orbit."
+            "instant, but no attitude near the orbit frame is an equilibrium, about which jaxsat "
+            "analyses the motion over an orbit."
         )
     low, high = (number_text(one, 2) for one in orbit.margin)
     rank = f"rank {orbit.rank} of {orbit.dimension}"
     if judgement.verdict == "uncontrollable":
-        return f"{makers} do not control all axes: {rank} over an orbit, however the field turns."
+        return (
+            f"{makers} do not control all axes: {rank} over an orbit, however the field turns."
+            f"{_rest_words(orbit)}"
+        )
     torques = f"by {rod_torques(orbit)} at any instant"
     how = f"{torques}: {rank}, margin {low} to {high} as the Earth turns"
     if judgement.verdict == "borderline":
         return (
             f"Borderline: {makers[0].lower()}{makers[1:]} control all axes over an orbit, but at "
-            f"times of a day hardly, {how}."
+            f"times of a day hardly, {how}.{_rest_words(orbit)}"
         )
     text = f"{makers} control all axes over an orbit, as the field turns, {how}."
+    text += _rest_words(orbit)
     return text if judgement.laws != "none" else f"{text} No law of jaxsat is made for them."
+
+
+def _rest_words(orbit: OrbitRank) -> str:
+    """Return a sentence on the angle to the orbit frame at which the body rests, if it shows."""
+    degrees = np.degrees(orbit.turn)
+    if degrees < ALIGNED:
+        return ""
+    return (
+        f" Without control torque the body rests {number_text(degrees, 3)}° from the orbit frame."
+    )
 
 
 def _rods_lost(judgement: Judgement, orbit: OrbitRank) -> str:
     """Return the lost authority as text where magnetorquers decide."""
-    if not orbit.rest:
-        return "torque along the field; rest in the orbit frame"
+    if not orbit.rests:
+        return "torque along the field; rest near the orbit frame"
     if judgement.verdict == "uncontrollable":
         return f"control over an orbit: rank {orbit.rank} of {orbit.dimension}"
     lost = "torque along the field" if not orbit.wheels else "direct torque about one axis at times"

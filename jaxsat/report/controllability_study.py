@@ -13,7 +13,6 @@ from jaxsat.controllability.gyros import GyroCluster
 from jaxsat.controllability.judgement import Judgement
 from jaxsat.controllability.judging import judge_once_stopped
 from jaxsat.controllability.lie import DriftField, pack
-from jaxsat.controllability.linear import NoEquilibriumError
 from jaxsat.controllability.magnetic import (
     MagneticAuthority,
     magnetic_authority,
@@ -27,6 +26,7 @@ from jaxsat.controllability.maps import (
     physical_inertias,
     uncontrollable_single_directions,
 )
+from jaxsat.controllability.orbit_rest import rest_near_frame
 from jaxsat.controllability.rank import Analysis, analyse
 from jaxsat.controllability.rods import RodSet, judge_with_rods
 from jaxsat.controllability.wording import verdict_sentence
@@ -45,6 +45,7 @@ from jaxsat.scenario.build.actuators import magnetic_context
 from jaxsat.scenario.build.balance import held_with_momentum, undriven_balance
 from jaxsat.scenario.build.plant import build_effectors, build_plant, orbit_rate
 from jaxsat.scenario.parts.wheels import inertia_of
+from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.spacecraft.gimbals import ControlMomentGyros
 from jaxsat.store.folder import OutputFolder
 
@@ -194,12 +195,14 @@ def _analyse(
 def _magnetic_authority(
     scenario: Scenario, rods: RodSet, places: list[int]
 ) -> MagneticAuthority | None:
-    try:
-        return magnetic_authority(
-            scenario.spacecraft.inertia_kg_m2, rods.axes[:, places], rods.limits[places], rods.field
-        )
-    except NoEquilibriumError:
+    """The authority of the magnetorquers of these places about rest near the orbit frame; None
+    where there is none."""
+    inertia, pull = inertia_matrix(scenario.spacecraft.inertia_kg_m2), rods.gravity_gradient
+    rest = rest_near_frame(inertia, np.zeros(3), np.zeros((3, 0)), gravity_gradient=pull)
+    if rest is None:
         return None
+    back, axes = rest.to_body.T, rods.axes[:, places]
+    return magnetic_authority(back @ inertia @ back.T, back @ axes, rods.limits[places], rods.field)
 
 
 def _magnetic_lines(scenario: Scenario) -> list[str]:
@@ -211,8 +214,8 @@ def _magnetic_lines(scenario: Scenario) -> list[str]:
     authority = _magnetic_authority(scenario, rods, places)
     if authority is None:
         return [
-            "Magnetorquers: not analysed. The analysis linearises about rest in the orbit frame, "
-            "which is no equilibrium of this body"
+            "Magnetorquers: not analysed. The analysis linearises about rest, and no attitude near "
+            "the orbit frame is an equilibrium of this body"
         ]
     actuators, others = all_actuators(scenario)
     healthy = actuators.only(others)

@@ -56,7 +56,7 @@ def run_verdict(
     """Return the verdict: settling time, tolerances, law, and failures."""
     law = str(scenario.get("control", {}).get("law", "unknown"))
     rates = float(np.linalg.norm(dataset["omega"].values[-1]))
-    ends = [f"|ω| = {number_text(rates, 3)} rad/s"]
+    ends = [f"|ω| = {number_text(rates, 3, scale=_summed_rates(dataset))} rad/s"]
     attitude = settles_in_attitude(scenario)
     settled = time_to_settle(dataset) if attitude else time_at_rest(dataset)
     if attitude:
@@ -85,10 +85,17 @@ def _final_state(dataset: xr.Dataset) -> dict[str, str]:
     tilt = np.degrees(2 * np.arctan(np.linalg.norm(final["w"].values)))
     z = float(final["z"])
     turn, lean = number_text(z), number_text(tilt, 3)
+    rates = vector_text(final["omega"], scale=_summed_rates(dataset))
     return {
         "attitude at the end": f"w = {vector_text(final['w'])}, z = {turn} rad, tilt {lean}°",
-        "rates at the end": f"ω = {vector_text(final['omega'])} rad/s",
+        "rates at the end": f"ω = {rates} rad/s",
     }
+
+
+def _summed_rates(dataset: xr.Dataset) -> float:
+    """The largest rate (rad/s) times the root of the steps: the round-off of a sum grows so."""
+    steps = float(dataset.attrs.get("steps", 1))
+    return math.sqrt(max(steps, 1.0)) * float(np.abs(dataset["omega"].values).max())
 
 
 def _actuation(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> dict[str, str]:

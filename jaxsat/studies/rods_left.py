@@ -4,7 +4,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxsat.control.sampled import AbstractSampledController
-from jaxsat.controllability.rods import NORMAL, RodSet
+from jaxsat.controllability.orbit_rest import NORMAL
+from jaxsat.controllability.rods import RodSet
 from jaxsat.simulation.loops import AbstractLoop, parts_of
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.effector import Dipoles

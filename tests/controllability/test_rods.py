@@ -1,5 +1,7 @@
 """Wheels and magnetorquers over an orbit, against a Gramian of a motion written here."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -7,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from jaxsat.controllability.actuators import actuator_set
 from jaxsat.controllability.failures import failure_table
+from jaxsat.controllability.orbit_rest import rest_near_frame
 from jaxsat.controllability.rods import RodSet, orbit_singular_values
 from jaxsat.controllability.wording import verdict_sentence
 from jaxsat.spacecraft.environment.orbit import CircularOrbit, DipoleField
@@ -124,12 +127,38 @@ def test_an_orbit_that_comes_to_the_magnetic_equator_is_borderline():
     assert table(rods_of((tilt, east - np.pi / 2)), pitch)[()].judgement.controllable
 
 
-def test_rods_are_not_judged_where_the_orbit_frame_is_no_rest():
-    turned = Rotation.from_euler("x", 0.3).as_matrix()
-    actuators = actuator_set()
-    (found, *_) = failure_table(turned @ INERTIA @ turned.T, actuators, rods=rods_of())
-    assert found.judgement.verdict == "not decided"
-    assert "no equilibrium" in verdict_sentence(found.judgement)
+def test_a_body_that_rests_beside_the_orbit_frame_is_judged_there():
+    """One turned from it as a whole is controlled as well as the one that is not."""
+    turn = Rotation.from_euler("xyz", [0.3, -0.2, 0.1])
+    back, expected = turn.as_matrix(), table(rods_of(), [])[()].judgement
+    rods = dataclasses.replace(rods_of(), axes=back)
+    (found, *_) = failure_table(back @ INERTIA @ back.T, actuator_set(), rods=rods)
+    assert (found.judgement.verdict, found.judgement.laws) == ("controllable", "magnetic")
+    np.testing.assert_allclose(found.judgement.orbit.margin, expected.orbit.margin)
+    degrees = np.degrees(turn.magnitude())
+    assert f"rests {degrees:.3g}° from" in verdict_sentence(found.judgement)
+    assert "rests" not in verdict_sentence(expected)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("wheels", [0, 1, 2])
+def test_no_torque_is_left_at_the_rest(seed, wheels):
+    """By the motion above, in orbits with gravity gradient and without."""
+    rng = np.random.default_rng(seed)
+    axes = np.eye(3)[:, 1 : 1 + wheels]
+    turned = Rotation.from_rotvec(rng.normal(size=3) * 0.05).as_matrix()
+    inertia, stored = turned @ INERTIA @ turned.T, -axes[:, :1].sum(axis=1) * BIAS
+    for pull in (True, False):
+        found = rest_near_frame(inertia, stored / RATE, axes, gravity_gradient=pull)
+        frame, nadir = found.to_body @ [0, -RATE, 0], found.to_body @ [0, 0, 1]
+        torque = 3 * RATE**2 * np.cross(nadir, inertia @ nadir) * pull
+        torque -= np.cross(frame, inertia @ frame + found.momentum * RATE)
+        np.testing.assert_allclose(torque, 0, atol=1e-11 * RATE**2)
+        np.testing.assert_allclose(found.momentum @ [1, 0, 0], 0, atol=1e-15)
+        assert 0 < found.turn < 0.2
+
+
+def test_rods_are_not_judged_where_no_attitude_near_the_orbit_frame_is_a_rest():
     # A wheel that coasts across the orbit normal leaves no rest, until friction has stopped it.
     spinning = actuator_set(wheel_axes=np.eye(3)[:, :1], stored=[0.01], momentum=[0.01, 0, 0])
     lost = next(

@@ -53,6 +53,18 @@ def test_a_torque_that_is_not_made_is_counted():
     assert "along the field, which none makes, does not count" in str(run_document(run))
 
 
+def test_rates_that_are_the_round_off_of_the_run_are_zero():
+    """That of a sum of many terms grows with the root of their number."""
+    run = run_dataset()
+    run.attrs["steps"], largest = 10_000, np.abs(run["omega"].values[:-1]).max()
+    for part, shown in ((9e-13, "(0, 0, 0)"), (2e-12, f"({2e-12 * largest:.4g}, 0, 0)")):
+        omega = run["omega"].copy()
+        omega[-1] = [part * largest, 0, -1e-13 * largest]
+        run["omega"] = omega
+        assert run_document(run).blocks[0].rows["rates at the end"] == f"ω = {shown} rad/s"
+    assert "|ω| = 0 rad/s" not in str(run_document(run))
+
+
 def test_the_momentum_that_wheels_moved_is_the_sum_of_its_changes():
     run = run_dataset()
     values = run["wheel_momentum"].values
