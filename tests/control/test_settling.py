@@ -3,7 +3,6 @@
 import itertools
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -225,29 +224,6 @@ def test_the_largest_oscillation_that_a_torque_makes_is_the_sine_of_a_square_wav
         made.append(simpson(rate * np.sin(phase), x=phase) / np.pi)
     expected = min(made[0], made[1] / ratio)
     assert float(law.made_amplitude) == pytest.approx(expected, rel=1e-3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", list(MAKERS))
-def test_gains_are_leaves_and_batches_agree_with_single_runs(name):
-    """vmap over gains and starts equals the loop over them; new numbers compile nothing."""
-    controller = MAKERS[name](body(), 5.0)
-    where = lambda law: law.fine.oscillator.frequency  # noqa: E731
-    traced = []
-
-    def first_torque(frequency, omega):
-        traced.append(None)
-        law = eqx.tree_at(where, controller, frequency)
-        state = PlantState(WZ([0.01, 0.02], 0.03), omega)
-        command, memory = law.step(jnp.zeros(()), state, law.init(state))
-        return law.step(jnp.array(0.1), state, memory)[0] + command
-
-    frequencies = jnp.array([0.15, 0.2, 0.3])
-    rates = jnp.array([[0.01, 0.02, 0.003], [0.0, 0.0, 1e-5], [0.02, -0.1, -0.04]])
-    single = jax.jit(first_torque)
-    one_by_one = [single(f, w) for f, w in zip(frequencies, rates, strict=True)]
-    assert len(traced) == 1
-    np.testing.assert_allclose(jax.vmap(first_torque)(frequencies, rates), one_by_one, rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", list(MAKERS))

@@ -181,20 +181,14 @@ def check_shares(columns, low, high, price, use):
     assert found.status == 0
 
 
-@pytest.mark.parametrize("mix", [(4, 0, 0)])
-def test_uses_are_those_of_the_programmes(mix):
-    check_uses(mix, 40, 7)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("mix", MIXES)
 def test_uses_of_many_layouts_are_those_of_the_programmes(mix):
     check_uses(mix, 80, 8)
 
 
-@pytest.mark.parametrize(
-    "price", [None, pytest.param([0.0, 0.0, 1.0, 0.0, 1.5, 0.0], marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("price", [None, [0.0, 0.0, 1.0, 0.0, 1.5, 0.0]])
 def test_derivatives_are_those_of_differences_within_at_and_beyond_the_limits(price):
     rng = np.random.default_rng(44)
     columns = rng.normal(size=(3, 6))
@@ -210,6 +204,7 @@ def test_derivatives_are_those_of_differences_within_at_and_beyond_the_limits(pr
             np.testing.assert_allclose(slope(command), differences, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_devices_without_bounds_share_what_is_left_at_a_bound():
     reach = Reach(np.eye(3)[:, [0, 0, 1, 2]], *jnp.array([[-0.1, *[-jnp.inf] * 3], [0.1] * 4]))
     reach = reach._replace(high=-reach.low)

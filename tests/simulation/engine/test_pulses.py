@@ -16,7 +16,6 @@ from jaxsat.simulation.engine.native import NativeEngine
 from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, program_of
 from jaxsat.simulation.engine.reference import ReferenceEngine
 from jaxsat.simulation.engine.scan import ScanEngine
-from jaxsat.simulation.engine.single import simulate
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment.orbit import ExactOrbit
@@ -74,9 +73,10 @@ def test_engines_agree(name):
     cases = factory(modulation, kind, **valves)
     program = program_of(cases, cases.loop, SECONDS)
     found = NativeEngine(SampledStepper()).evaluate(program, CASES)
-    scanned = ScanEngine(SampledStepper(), batch_size=8).evaluate(program, CASES)
-    reference = ReferenceEngine(batch_size=6).evaluate(program, CASES)
-    for other in (scanned, reference):
+    others = [ReferenceEngine(batch_size=6)]
+    if not valves:  # machine code is made of the steps that are scanned: once is enough
+        others.append(ScanEngine(SampledStepper(), batch_size=8))
+    for other in (engine.evaluate(program, CASES) for engine in others):
         np.testing.assert_allclose(found.omega, other.omega, atol=1e-11)
         np.testing.assert_allclose(found.quaternion, other.quaternion, atol=1e-11)
         np.testing.assert_allclose(found.effort, other.effort, rtol=1e-9)
@@ -88,19 +88,3 @@ def test_engines_agree(name):
     assert np.ptp(found.omega, axis=0).max() > 1e-4  # the failures differ
     alone = NativeEngine(SampledStepper()).evaluate(program, CASES[3:4])
     assert alone.omega.tobytes() == found.omega[3:4].tobytes()
-
-
-@pytest.mark.slow
-def test_a_case_of_a_study_is_a_run_of_its_own():
-    modulation, kind, valves = EXAMPLES["pwm, stuck on"]
-    cases = factory(modulation, kind, **valves)
-    program = program_of(cases, cases.loop, SECONDS)
-    found = NativeEngine(SampledStepper()).evaluate(program, CASES[1:2])
-    loop, start, *_ = cases(jnp.asarray(CASES[1]), None)
-    run = simulate(loop, start, np.array([0.0, SECONDS]))
-    np.testing.assert_allclose(run.signals.omega[-1], found.omega[0], atol=1e-11)
-    (used,) = run.final.effectors
-    np.testing.assert_allclose(used.propellant, found.parts["propellant"][0], rtol=1e-9)
-    np.testing.assert_array_equal(used.openings, found.parts["valve_openings"][0])
-    assert used.propellant > 0
-    assert used.openings.sum() > 10

@@ -345,6 +345,7 @@ dipole_limit_A_m2 = 5
 """
 
 
+@pytest.mark.slow
 def test_magnetorquers_get_their_law_in_the_time_of_an_orbit(tmp_path):
     (tmp_path / "rods.toml").write_text(RODS)
     scenario, law, timed = read_vehicle(tmp_path / "rods.toml")
