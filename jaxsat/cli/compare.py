@@ -134,7 +134,6 @@ def _on_acceptance_set(
     out: Path,
     results: Resumable,
 ) -> dict[str, Any]:
-    """Return the record of laws on the acceptance set."""
     import jaxsat
     from jaxsat.store.files import save_file
     from jaxsat.synthesis.comparison.acceptance import LAWS, LEVELS
@@ -171,7 +170,6 @@ def _in_scenario(
     out: Path,
     results: Resumable,
 ) -> dict[str, Any]:
-    """Return the record of laws on the cases of a scenario."""
     scenario = load_scenario(name, overrides, "study")
     from jaxsat.synthesis.comparison.in_scenario import compare_in_scenario
 

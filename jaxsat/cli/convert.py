@@ -84,7 +84,6 @@ def _spacecraft(path: Path) -> "Converted":
 
 
 def _text(path: Path) -> str:
-    """Return the text of a file; undecodable bytes become replacement characters."""
     from jaxsat.scenario.limits import MAX_FILE_SIZE
 
     try:

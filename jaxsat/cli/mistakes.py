@@ -94,7 +94,6 @@ def _unknown_option(word: str, command: str, names: Iterable[str], app: App) -> 
 
 
 def _commands_with(option: str, app: App) -> Iterator[str]:
-    """Yield the commands, without those of groups, that have an option of that name."""
     for name in _shown(app):
         if app[name].default_command is not None:
             arguments = app[name].assemble_argument_collection()
@@ -112,7 +111,6 @@ def _unknown_command(error: UnknownCommandError, command: str) -> str:
 
 
 def _shown(app: App) -> list[str]:
-    """Return the commands of an app."""
     return [name for name in app if not name.startswith("-")]
 
 

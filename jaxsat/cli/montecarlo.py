@@ -163,7 +163,6 @@ def montecarlo(
 def _refuse_contradictions(
     case: int | None, controller: Path | None, saved: Saved, sharing: Sharing, results: Resumable
 ) -> None:
-    """Raise `UserMistake` for contradictory options."""
     if case is not None and saved.figures is not None:
         raise UserMistake("--case: must be given without --figures, which show a whole study")
     if case is not None and saved.csv is not None:
@@ -195,7 +194,6 @@ def _plan_report(
 def _build_study(
     scenario: "Scenario", count: int, quiet: bool, **keys: Any
 ) -> tuple["Scenario", "Study"]:
-    """Return the scenario and the study of `refined_study`; raises `UserMistake`."""
     use_double_precision()
     from jaxsat.scenario.build.study import refined_study
 

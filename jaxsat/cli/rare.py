@@ -99,7 +99,6 @@ def rare(
 
 
 def _fly_again(chosen: "Scenario", folder: Path, case: int, results: Resumable) -> int:
-    """Write the trajectory of one flight of an estimate into the estimate's folder."""
     use_double_precision()
     from jaxsat.synthesis.rare_events.run import flown_again
 

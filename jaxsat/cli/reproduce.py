@@ -49,7 +49,6 @@ def reproduce(*, results: Results = Results()) -> int:
 
 
 def _simulate_all(quiet: bool) -> "dict[str, xr.Dataset]":
-    """Return every run that the claims need, by name, and print a line for each."""
     from jaxsat.report.reproduction import RUNS
     from jaxsat.scenario.build.datasets import simulated
 

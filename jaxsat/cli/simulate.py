@@ -109,7 +109,6 @@ def figures_of(dataset: "xr.Dataset") -> "dict[str, Figure]":
 
 
 def _record(scenario: "Scenario", dataset: "xr.Dataset") -> dict[str, Any]:
-    """Return the record from which a person can repeat the run."""
     from jaxsat.store.provenance import command_line, provenance
 
     return {

@@ -85,7 +85,6 @@ Made = TypeVar("Made", OscillatorySettling, ThreeSlewSettling, PlannedSettling)
 
 
 def _with_gains(law: Made, declaration: LawDeclaration, values: Mapping[str, Any]) -> Made:
-    """Return the law with the gains that its table sets."""
     for key, place in declaration.tunable.items():
         if values.get(key) is not None:
             law = eqx.tree_at(attrgetter(place), law, as_float(values[key]))

@@ -175,7 +175,6 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         return self.mu * bounded - pull * w
 
     def _steering(self, state: PlantState) -> Pair:
-        """q (w2, -w1), the argument of sat in (41)."""
         attitude = state.attitude.as_wz()
         w1, w2 = attitude.w
         relative_rate3 = self.model.relative_rate(state)[2]

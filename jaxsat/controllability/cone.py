@@ -251,7 +251,6 @@ def _complement(basis: Float[np.ndarray, "3 r"]) -> Float[np.ndarray, "3 e"]:
 
 
 def _positive(direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
-    """Return ± a direction with its largest entry positive."""
     return direction * np.sign(direction[np.argmax(np.abs(direction))])
 
 

@@ -131,7 +131,6 @@ class GyroCluster:
 
 
 def _rank(columns: Float[np.ndarray, "3 n"]) -> int:
-    """Return the rank of the columns scaled to unit length."""
     sizes = np.linalg.norm(columns, axis=0)
     axes = columns[:, sizes > 0] / sizes[sizes > 0]
     return int(np.sum(np.linalg.svd(axes, compute_uv=False) > INDEPENDENT)) if axes.size else 0

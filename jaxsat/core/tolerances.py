@@ -91,7 +91,6 @@ def within(
 
 
 def _length(vector: Float[Array, "*times n"]) -> Float[Array, "*times"]:
-    """Return the Euclidean norm over the last axis."""
     return jnp.sqrt(jnp.sum(vector**2, axis=-1))
 
 

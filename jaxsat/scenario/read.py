@@ -272,7 +272,6 @@ def _file_tables(name_or_path: str | Path) -> dict[str, Any]:
 
 
 def _keys(data: Any, prefix: str = "") -> set[str]:
-    """Dotted keys of all values that are not tables."""
     if not isinstance(data, dict):
         return {prefix.removesuffix(".")}
     return {key for name, value in data.items() for key in _keys(value, f"{prefix}{name}.")}

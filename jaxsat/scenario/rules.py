@@ -82,7 +82,6 @@ def broken_rules(values: Values, law: bool = True) -> list[Issue]:
 
 
 def _rules_of(law: Law) -> Iterator[ScenarioRule]:
-    """Rules that a law declares, as rules of a scenario."""
     for law_rule in law.declaration.rules:
         yield declared_rule(law_rule, law)
     for low, high in law.declaration.ordered:

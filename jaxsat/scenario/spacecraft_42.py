@@ -126,7 +126,6 @@ def _sections(text: str) -> dict[str, _Section]:
 
 
 def _devices(sections: dict[str, _Section], name: str) -> list[_Section]:
-    """Devices of a section; a section of zero devices holds a template, which is ignored."""
     section = sections.get(name)
     if section is None:
         return []

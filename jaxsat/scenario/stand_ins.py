@@ -97,7 +97,6 @@ def _convert_positions(data: dict[str, Any]) -> None:
 
 
 def _positions(data: Mapping[str, Any]) -> Iterator[tuple[dict[str, Any], str, Sequence[float]]]:
-    """Positions, each with its table and key."""
     for name, keys in POSITIONS.items():
         for location, table in _tables(data, name):
             for key, position in zip(keys, _values(location, table, *keys), strict=True):
@@ -106,7 +105,6 @@ def _positions(data: Mapping[str, Any]) -> Iterator[tuple[dict[str, Any], str, S
 
 
 def _named_tables(tables: Any) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Tables inside a table, by name."""
     for name, table in tables.items() if isinstance(tables, dict) else ():
         if isinstance(table, dict):
             yield name, table

@@ -148,7 +148,6 @@ def _beginning(devices: Bounded, torque: Vector, first: Vector) -> Active:
 
 
 def _ended(devices: Bounded, torque: Vector, first: Vector) -> Active:
-    """Return the state after the last round."""
     return jax.lax.while_loop(
         lambda at: at.goes & (at.rounds < ROUNDS_A_DEVICE * (devices.low.shape[0] + 1)),
         lambda at: _round(devices, torque, first, at),
@@ -157,7 +156,6 @@ def _ended(devices: Bounded, torque: Vector, first: Vector) -> Active:
 
 
 def _free(devices: Bounded, held: Held) -> Bool[Array, " m"]:
-    """Return which devices are not at a bound."""
     return (held.side == 0) & (devices.high > devices.low)
 
 

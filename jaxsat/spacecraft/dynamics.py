@@ -77,12 +77,10 @@ class RigidBody(eqx.Module):
 
     @staticmethod
     def _sum(torques: Sequence[Vector], first: Vector | None) -> Vector:
-        """Return the sum of torques and a first one (N m); None is zero."""
         torques = [*(() if first is None else (first,)), *torques]
         return sum(torques[1:], torques[0]) if torques else jnp.zeros(3)
 
     def _inertia(self, corrections: list[Matrix | None]) -> Matrix:
-        """Return J + Σ D, kg m²."""
         return sum((one for one in corrections if one is not None), self.spacecraft.inertia)
 
     def angular_acceleration(self, omega: Vector, torque: Vector) -> Vector:

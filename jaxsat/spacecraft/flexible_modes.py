@@ -121,7 +121,6 @@ class FlexibleModes(AbstractEffector):
         return ()
 
     def _spring(self, state: ModeStates) -> Float[Array, " k"]:
-        """Return 2 ζ Ω dθ/dt + Ω² θ, rad/s²."""
         damped = 2 * self.damping * state.rate + self.frequency * state.angle
         return self.frequency * damped
 

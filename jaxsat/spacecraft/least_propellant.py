@@ -180,7 +180,6 @@ def least_price(
 
 
 def _zero(x: Array) -> float:
-    """Return the tolerance relative to 1."""
     return float(jnp.finfo(x.dtype).eps) ** ZERO
 
 

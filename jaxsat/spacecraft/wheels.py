@@ -173,7 +173,6 @@ class Wheels(AbstractEffector):
         return jnp.clip(command, -self.torque_limit, self.torque_limit)
 
     def _drag(self, acceleration: Vector) -> Float[Array, " wheels"]:
-        """Return J_w a·dω/dt of each wheel, N m."""
         if self.rotor_inertia is None:
             return jnp.zeros(self.count, acceleration.dtype)
         return self.rotor_inertia * (self.axes.T @ acceleration)

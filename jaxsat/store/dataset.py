@@ -126,7 +126,6 @@ def _ranges(trajectory: Trajectory) -> dict[str, xr.Variable]:
 
 
 def _errors(trajectory: Trajectory) -> dict[str, xr.Variable]:
-    """Return the error estimate of equal steps."""
     errors = trajectory.integration_error
     if errors is None:
         return {}

@@ -216,7 +216,6 @@ def _check(document: Mapping[str, Any]) -> str:
 
 
 def _is_name(text: str) -> bool:
-    """Whether a path is a name directly in the folder."""
     return _is_inside(text) and Path(text).name == text
 
 

@@ -215,7 +215,6 @@ class StudyStore:
         return header
 
     def _repair(self) -> None:
-        """Withdraw damaged chunks, and repair the other files."""
         self._arrays.begin()
         if self._ledger.damaged:
             self.repairs.append(

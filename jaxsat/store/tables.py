@@ -109,7 +109,6 @@ def save_case_table(
 
 
 def _outcomes(code: np.ndarray, settling_time: np.ndarray) -> np.ndarray:
-    """Return the outcomes of cases as texts: settled, unsettled, or the failure."""
     names = {int(one): one.name.lower() for one in Outcome} | {int(Outcome.SUCCESS): UNSETTLED}
     outcomes = np.array([names[int(one)] for one in code], object)
     outcomes[np.isfinite(settling_time)] = SETTLED

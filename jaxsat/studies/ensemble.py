@@ -160,7 +160,6 @@ class Study:
         return tuple(distinct(names)) if len(names) == size else components(axis, size)
 
     def _draw_column(self, name: str) -> Column:
-        """Column of the drawn values of a quantity."""
         quantity = DISPERSIBLE[name]
         size = QUANTITIES[name].size(self.case_factory.loop)
         if size == 1:

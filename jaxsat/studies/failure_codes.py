@@ -28,7 +28,6 @@ _CODES: dict[int, AbstractFailureKind] = dict(
 
 
 def _words(kind: AbstractFailureKind) -> str:
-    """Name of a kind, with the actuator unless it is a thruster."""
     actuator = _KINDS[type(kind)]
     return kind.word if actuator == ACTUATORS[0].name else f"{actuator} {kind.word}"
 

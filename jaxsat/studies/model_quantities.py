@@ -71,7 +71,6 @@ def _products_limits(loop: AbstractLoop) -> Limits:
 
 
 def _with_constant_torque(perturbed: PerturbedLoop, torque: Values) -> PerturbedLoop:
-    """Add the torque to the disturbances of the plant."""
     disturbance = SumOfDisturbances((perturbed.loop.plant.disturbance, ConstantTorque(torque)))
     return in_loop(perturbed, lambda loop: loop.plant.disturbance, disturbance)
 
@@ -133,12 +132,10 @@ def _of_tilt(change: Callable[[WZ, Values], WZ], values: ranges.Range) -> Quanti
 
 
 def _resized(wz: WZ, size: Values) -> WZ:
-    """Attitude with w in the same direction, of another length."""
     return WZ(wz.w * (size[0] / jnp.sqrt(jnp.sum(wz.w**2))), wz.z)
 
 
 def _redirected(wz: WZ, angle: Values) -> WZ:
-    """Attitude with w of the same length, in another direction (rad)."""
     size = jnp.sqrt(jnp.sum(wz.w**2))
     return WZ(size * jnp.stack([jnp.cos(angle[0]), jnp.sin(angle[0])]), wz.z)
 

@@ -217,7 +217,6 @@ def _slightly(turns: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
 
 
 def _turned(vector: Float[np.ndarray, "3"], turn: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
-    """Vector turned by a rotation vector (rad)."""
     angle = float(np.linalg.norm(turn))
     if angle == 0:
         return vector

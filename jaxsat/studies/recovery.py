@@ -201,7 +201,6 @@ class FailureRecovery:
     def _recovery(
         self, columns: Mapping[str, np.ndarray], remaining: np.ndarray
     ) -> Int[np.ndarray, " cases"]:
-        """`Recovery` of every case."""
         wrong = UNRECOVERABLE if self._attitude else (TorquesLeft.UNOPPOSED_TORQUE,)
         had_settled = columns["longest_stay"] >= self._dwell if "longest_stay" in columns else False
         reasons = {

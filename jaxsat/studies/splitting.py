@@ -173,7 +173,6 @@ class Splitting:
         return Replications(fractions, rows, alive, outcomes, draws)
 
     def _draws(self, count: int) -> Population:
-        """Draw independent cases."""
         x = self._generator.standard_normal((count, len(self._space.whole)))
         return self._evaluated_at(x, self._noise(count), None)
 

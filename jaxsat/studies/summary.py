@@ -156,7 +156,6 @@ def largest_errors(columns: Mapping[Any, np.ndarray]) -> dict[str, float | None]
 
 
 def _largest(values: np.ndarray) -> float | None:
-    """Largest of the numbers; None without any."""
     numbers = values[~np.isnan(values)]
     return float(numbers.max()) if numbers.size else None
 

@@ -136,7 +136,6 @@ def serve() -> NoReturn:
 
 
 def _next_chunk() -> int | None:
-    """Next requested chunk; None if the parent is gone."""
     try:
         return pickle.load(sys.stdin.buffer)
     except (EOFError, OSError, pickle.UnpicklingError):  # perhaps within a number

@@ -264,7 +264,6 @@ def moved(before: OfEach, motor: OfEach, friction: OfEach) -> tuple[OfEach, OfEa
 
 
 def _momentum(reading: Reading) -> OfEach:
-    """Return the momenta by tachometers, N m s."""
     if reading.momentum is None:
         raise ValueError("Argument `reading` must have the momenta of wheels, but has none.")
     return reading.momentum

@@ -166,7 +166,6 @@ class MultiplicativeFilter(AbstractEstimator):
         return jnp.where(within_limit, self.gyro.rate_variance(period), self.gyro.limit**2)
 
     def _estimate(self, belief: Belief, rate, period) -> Estimate:
-        """Estimate of a belief, with a rate error of -(β + n)."""
         of_bias = _diagonal(belief.bias)
         of_rate = of_bias + self._variance(rate, period) + 2 * _diagonal(belief.bias_noise)
         deviations = map(jnp.sqrt, (_diagonal(belief.attitude), of_rate, of_bias))

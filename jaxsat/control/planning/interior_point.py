@@ -201,7 +201,6 @@ def _scale(program: Transcription, at: Iterate) -> RealScalar:
 
 
 def _moved(at: Unknowns, change: Unknowns, step: RealScalar) -> Unknowns:
-    """The unknowns after a step; without a step unchanged."""
     states, torque = lax.map(
         lambda row: (stepped(row[0], row[1], step), stepped(row[2], row[3], step)),
         (at.states, change.states, at.torque, change.torque),

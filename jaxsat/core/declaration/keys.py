@@ -73,7 +73,6 @@ class Key:
             self._require_within(self.kind)
 
     def _require_within(self, kind: Numeric) -> None:
-        """Raise `ValueError` for a default outside the bounds."""
         entries = self.default if isinstance(self.default, tuple) else (self.default,)
         for entry in entries:
             too_low = (kind.above is not None and not entry > kind.above) or (

@@ -143,7 +143,6 @@ Row = TypeVar("Row")
 
 
 def _rows(table: str, kind: Callable[..., Row], **parts: Callable[..., Any]) -> Mapping[float, Row]:
-    """Return the rows of a table of the data file by `step`; `parts` are its inline tables."""
     rows = [dict(row) for row in _TABLES[table]]
     for row in rows:
         row |= {name: part(**row[name]) for name, part in parts.items()}

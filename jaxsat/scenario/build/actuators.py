@@ -122,7 +122,6 @@ def _known_friction(scenario: Scenario) -> WheelFriction | None:
 
 
 def _declared_wheels(scenario: Scenario) -> Wheels:
-    """The declared wheels, without failures in flight."""
     return Wheels.from_tables(scenario.wheel, EffectorContext(field_of(scenario.orbit), ()))[0]
 
 
@@ -171,7 +170,6 @@ def magnetic_context(scenario: Scenario) -> MagneticContext | None:
 
 
 def _steering_context(scenario: Scenario) -> SteeringContext:
-    """Wheel data for the steering laws."""
     unloading, wheels = scenario.unloading or UnloadingTable(), scenario.wheel
     working = np.array([not one.failed for one in wheels], float)
     return SteeringContext(

@@ -205,14 +205,12 @@ def _torque_about(
 
 
 def _lasting(disturbance: AbstractDisturbance) -> tuple[AbstractDisturbance, ...]:
-    """Terms of a disturbance without periodic torques."""
     several = isinstance(disturbance, SumOfDisturbances)
     terms = disturbance.terms if several else (disturbance,)
     return tuple(one for one in terms if not isinstance(one, PeriodicTorque))
 
 
 def _times(scenario: Scenario) -> Float[np.ndarray, " k"]:
-    """Times (s) at points of an orbit, or zero alone without one."""
     place, rate = place_of(scenario.orbit), orbit_rate(scenario)
     if isinstance(place, EllipticOrbit):
         rate = float(np.sqrt(EARTH_GRAVITY / place.semi_major_axis**3))

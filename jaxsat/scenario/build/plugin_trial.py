@@ -244,7 +244,6 @@ def _is_array(leaf: Any) -> bool:
 
 
 def _shapes(tree: Any) -> str:
-    """Short description of the arrays of a memory."""
     leaves = [
         f"{leaf.dtype} {leaf.shape}" if _is_array(leaf) else f"the number {leaf!r}"
         for leaf in jax.tree.leaves(tree)

@@ -203,7 +203,6 @@ def _turn_thrust(
 
 
 def _rotate(vector: np.ndarray, rotation: tuple[float, ...]) -> np.ndarray:
-    """Vector turned by a rotation vector, rad."""
     from scipy.spatial.transform import Rotation  # slow to import, and seldom needed
 
     return Rotation.from_rotvec(rotation).apply(vector)

@@ -50,7 +50,6 @@ def table_of_type(name: str, device: type[ScenarioTable]) -> Any:
 
 
 def _optional(field: FieldInfo) -> tuple[Any, Any]:
-    """Declaration of a key as optional."""
     kind: Any = field.annotation
     for bound in field.metadata:
         kind = Annotated[kind, bound]

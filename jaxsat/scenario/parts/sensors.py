@@ -72,7 +72,6 @@ class SamplingTable(table_with(fields_of((*WHITE_NOISE.keys, DELAY)))):
 
 
 def _table_of(sensor: SensorDeclaration) -> Any:
-    """Class of the table of a sensor."""
     doc = f"`[{sensor.name}]`: {sensor.meaning[0].lower()}{sensor.meaning[1:]}."
     name = sensor.name.replace("_", "-")
     return table_class(name, doc, fields_of(sensor.keys), ScenarioTable, "Table")

@@ -271,7 +271,6 @@ def _equal_steps(
 
 
 def _initial(program: Program, case: Case) -> Progress:
-    """The progress at time zero."""
     state = case.loop.start(case.start)
     progress = initial_progress(
         state, case.loop.plant, plant_state(case.loop, 0.0, state), case.possible
@@ -302,7 +301,6 @@ def _outputs(program: Program, case: Case, progress: Progress, times, signals) -
 
 
 def _unmade_torque(loop: SampledLoop, signals: Signals) -> Unmade | None:
-    """The unproduced torque in the history of a sampled loop."""
     if not loop.tells_unmade or signals.torque_unmade is None:
         return None
     history = (signals.torque[:-1], signals.torque_unmade[:-1])
@@ -311,7 +309,6 @@ def _unmade_torque(loop: SampledLoop, signals: Signals) -> Unmade | None:
 
 
 def _failures(program: Program, case: Case, times, signals: Signals) -> FailureRecord | None:
-    """The failure record of a sampled loop's history, if it has failures."""
     samples = jax.tree.map(lambda x: x[:-1], signals)
     begin = initial_record(case.loop, case.loop.start(case.start))
     return record_of_history(begin, times[:-1], samples, program.tolerances)

@@ -304,7 +304,6 @@ def _unless_ended(
 
 
 def _final_outputs(program: Program, case: Case, progress: Progress, number, steps: int) -> Outputs:
-    """Outputs after `number` intervals of `steps` steps each."""
     end = program.time_of(number)
     plant = plant_state(case.loop, end, progress.state)
     observation = JudgedSignals.of(case.loop.plant, plant)

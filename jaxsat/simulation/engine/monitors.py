@@ -81,5 +81,4 @@ def margins_of_history(
 
 
 def _failure_times(loop: AbstractLoop) -> Float[Array, " f"]:
-    """Failure times, s."""
     return jnp.concatenate([jnp.zeros(0), *(one.at for one in failures_of(loop))])

@@ -152,7 +152,6 @@ def _first(states: list[_DualProgress], leaf: int) -> int:
 
 
 def _is_nan(state: _DualProgress) -> list[bool]:
-    """Whether each leaf contains a NaN; false for leaves without real numbers."""
     return [
         bool(jnp.issubdtype(x.dtype, jnp.inexact) and np.isnan(np.asarray(x)).any())
         for x in map(jnp.asarray, jax.tree.leaves(state))

@@ -215,7 +215,6 @@ def _by_gain(derivatives: np.ndarray, gains: PyTree) -> PyTree:
 
 
 def _numbers(cases: PyTree, gains: PyTree) -> tuple[PyTree, PyTree]:
-    """Cases and gains as arrays of numbers."""
     count_of(cases)
     return tuple(
         jax.tree_util.tree_map_with_path(

@@ -203,12 +203,10 @@ def module_of(trajectory: LoweredTrajectory, lanes: int, cpu: target.Host) -> Mo
 
 
 def _link(code: bytes, types: Mapping[str, Callable[[int], Any]]) -> dict[str, Any]:
-    """Load machine code into memory and return its functions."""
     return in_own_thread(lambda stopped: target.loaded(code, types))
 
 
 def _address(function: Any) -> int:
-    """Address of the machine code of a `ctypes` function."""
     return cast(int, ctypes.cast(function, ctypes.c_void_p).value)
 
 

@@ -154,7 +154,6 @@ def _hash(tree: Any) -> bytes:
 
 
 def _around(function: FunctionType) -> Iterator[Any]:
-    """A function's defaults, attributes and closure."""
     yield from (function.__defaults__, function.__kwdefaults__, vars(function) or None)
     for cell in function.__closure__ or ():
         try:
