@@ -193,8 +193,10 @@ def _tables(scenario: Scenario, names: list[str], law: str) -> Iterator[tuple[st
     for name in names:
         default = name == own["law"] and _is_default(own, name)
         is_own = name == own["law"] and (law == name or (law == QUICK and not default))
-        if is_own:
-            yield name if default else f"{name}, as given", _own_maker(scenario)
+        if is_own and not default:
+            yield f"{name}, as given", lambda scale: own
+        elif is_own:
+            yield name, _own_maker(scenario)
         if is_own and default:
             continue
         for variant, gains in GAINS.get(name, {}).items():

@@ -383,10 +383,11 @@ def test_a_vehicle_with_gyros_is_refused_by_name(tmp_path):
         ("", 0.7),  # 0.0054 of the 138 s in which 0.1 N m turns the body by half a radian
         ("[control]\nlaw = 'oscillatory'\n", 0.7),
         ("[control]\nlaw = 'oscillatory'\nperiod_s = 0.1\n", 0.1),
+        ("[control]\nlaw = 'oscillatory'\nfrequency_rad_s = 0.02\n", 0.1),
         ("[sampling]\nrate_noise_rad_s = 1e-5\n", 0.1),
         ("[disturbance]\namplitude_N_m = [1e-3, 0, 0]\nfrequency_rad_s = [0.39, 0, 0]\n", 0.2),
     ],
-    ids=["bare", "named", "given", "sensors", "quick torque"],
+    ids=["bare", "named", "given", "own gains", "sensors", "quick torque"],
 )
 def test_a_slow_body_gets_a_long_period(tmp_path, text, period):
     path = tmp_path / "slow.toml"
@@ -395,5 +396,5 @@ def test_a_slow_body_gets_a_long_period(tmp_path, text, period):
     scenario, scale = read_vehicle(path).scenario, Scale((2000.0, 1800.0), 0.1)
     assert control_period(scenario, known_law("magnetic"), scale) == 1.0
     verdict = vehicle_verdict(scenario)
-    (candidate,) = fitting_candidates(scenario, verdict, "oscillatory", lambda one, _: one)[0]
+    candidate = fitting_candidates(scenario, verdict, "oscillatory", lambda one, _: one)[0][0]
     assert candidate.scenario.control.model_dump()["period_s"] == period

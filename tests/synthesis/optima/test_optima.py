@@ -102,6 +102,18 @@ def test_rest_to_rest_is_bang_bang():
     assert found.values == sorted(found.values)
 
 
+def test_a_published_least_time_of_three_torques():
+    """28.6304 s: 150 degrees about x by 50 N m (Fleming, Sekhavat & Ross 2010; Betts 2010).
+
+    Torques that are constant over 48 intervals cannot be quicker.
+    """
+    turn, body = math.radians(150) / 2, np.diag([5621.0, 4547.0, 2364.0])
+    start = np.array([math.cos(turn), math.sin(turn), 0.0, 0.0])
+    manoeuvre = Manoeuvre(body, np.eye(3), 50.0, 0.0, start, *([NONE] * 5))
+    found = best_of_starts(manoeuvre, BoundObjective.TIME, 1, longest=100.0, intervals=48)
+    assert 28.6304 <= found.solution.value < 1.0005 * 28.6304
+
+
 def least_time_until_settled(angle, limit, tolerances):
     """Full thrust and full brake about x alone, down to the largest tilt and rate allowed."""
     acceleration, rate = limit / INERTIA[0], float(tolerances.relative_rate)
