@@ -351,7 +351,7 @@ class FaultTolerant(AbstractSampledController):
         directions, sizes, _ = np.linalg.svd(axes)
         rank = np.sum(sizes > PARALLEL)
         if self.magnetic is not None and rank < 2:
-            return self.magnetic.holds_with(axes)
+            return self.magnetic.holds_with(axes, rods)
         if self.rods is None or rank != 2:
             return False
         inertia = self.healthy.model.spacecraft.inertia

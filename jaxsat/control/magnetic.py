@@ -12,7 +12,7 @@ from typing import Any, ClassVar, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.controller import LawContext, MagneticContext, UnsuitableModel
 from jaxsat.control.periodic_gain import (
@@ -28,7 +28,7 @@ from jaxsat.core.checks import as_optional_float, positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.magnetic import MAGNETIC_CONTROL
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment.disturbances import GravityGradient
+from jaxsat.spacecraft.environment.disturbances import GravityGradient, has_gravity_gradient
 from jaxsat.spacecraft.environment.orbit import AbstractMagneticField
 from jaxsat.spacecraft.magnetorquers import MagneticSteering
 from jaxsat.spacecraft.wheels import wheel_momentum
@@ -45,6 +45,9 @@ NEAR = 0.5
 STIFFNESS, SLEW_DAMPING = 2.0, 3.0
 """Gains of a slew from farther away, over the largest moment of inertia times the square of the
 orbital rate, and the rate: gravity gradient alone makes at most 1.5 of the former."""
+
+STAYS = 1 - 1e-6
+"""Part of an error left by an orbit from which on it counts as staying, by round-off too."""
 
 SMALLEST = 1e-30
 """Keeps a quotient of two zeros finite."""
@@ -131,6 +134,16 @@ class MagneticLaw(AbstractSampledController):
             pointing_rate=SLOW * rate if pointing is None else pointing,
             period=values["period_s"],
         )
+
+    def holds_with(self, rods: Bool[np.ndarray, " rods"]) -> bool:
+        """Return whether small errors fall over a day if it commands all rods, and these work."""
+        shares = np.asarray(self.steering.shares) * rods[:, None]
+        working = MagneticContext(
+            dataclasses.replace(self.steering, shares=shares), np.asarray(self.steering.bias)
+        )
+        inertia = np.asarray(self.model.spacecraft.inertia)
+        pulled = has_gravity_gradient(self.model.disturbance)
+        return _left_in_an_orbit(magnetic_motion(inertia, working, pulled), self.gain) < STAYS
 
     def init(self, state: PlantState) -> MagneticMemory:
         """Return the memory of a tumbling body without residual dipole."""
@@ -222,13 +235,18 @@ def magnetic_motion(
     )
 
 
+def _left_in_an_orbit(motion: LinearMotion, gain: PeriodicGain) -> float:
+    """Return the part of the slowest error that an orbit leaves, the mean of a day.
+
+    It is the geometric mean, as a day passes through all turns of the Earth.
+    """
+    return float(np.exp(np.mean(np.log(np.abs(floquet_multipliers(motion, gain)[:, 0])))))
+
+
 def _gain(motion: LinearMotion, weight: float, wheel_weight: float) -> PeriodicGain:
     gain = periodic_gain(motion, weight, wheel_weight)
-    largest = np.inf
-    if gain is not None:  # a day passes through all turns of the Earth
-        sizes = np.abs(floquet_multipliers(motion, gain)[:, 0])
-        largest = float(np.exp(np.mean(np.log(sizes))))
-    if gain is None or not largest < 1:
+    largest = np.inf if gain is None else _left_in_an_orbit(motion, gain)
+    if gain is None or not largest < STAYS:
         raise UnsuitableModel(
             "inclination",
             "can hold all axes by magnetorquers, for which the field must turn in the orbit: "

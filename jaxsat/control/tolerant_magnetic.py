@@ -94,12 +94,19 @@ class TolerantMagnetic(eqx.Module):
             as_array(np.array([law is not None for law in laws])),
         )
 
-    def holds_with(self, axes: Float[np.ndarray, "3 k"]) -> bool:
-        """Whether it holds all axes with wheels along these parallel unit axes, or with none."""
+    def holds_with(self, axes: Float[np.ndarray, "3 k"], rods: Bool[np.ndarray, " rods"]) -> bool:
+        """Whether it holds all axes with wheels along these parallel unit axes, or with none.
+
+        It commands all magnetorquers, of which these work.
+        """
         number, wheels = 0, self.laws.wheel_axes
         if axes.shape[1] and wheels is not None:
-            number = self.of_wheel[np.argmax(np.abs(axes[:, 0] @ np.asarray(wheels)))]
-        return bool(self.holds[number])
+            number = int(self.of_wheel[np.argmax(np.abs(axes[:, 0] @ np.asarray(wheels)))])
+        if rods.all() or not self.holds[number]:
+            return bool(self.holds[number])
+        law = self._law(jnp.array(number), jnp.where(self.members[number], 1.0, 0.0))
+        gain = _without_padding(np.asarray(law.gain.gains[number]), np.asarray(law.gain.basis))
+        return dataclasses.replace(law, gain=PeriodicGain(*gain, law.gain.rate)).holds_with(rods)
 
     def init(self, state: PlantState) -> TolerantMagneticMemory:
         """Another law flies."""
@@ -205,6 +212,13 @@ def _magnetic_law(
 def _of_each_set(law: MagneticLaw) -> tuple:
     """What differs between laws of sets of wheels."""
     return law.steering.wanted, law.steering.bias, law.gain.basis, law.gain.gains
+
+
+def _without_padding(gains: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Gains and basis of a set before `_with_wheels`."""
+    if basis.any():
+        return gains, basis
+    return np.delete(np.delete(gains, 3, axis=-2), 6, axis=-1), np.zeros((3, 0))
 
 
 def _with_wheels(gain: PeriodicGain) -> tuple[np.ndarray, np.ndarray]:

@@ -84,9 +84,10 @@ def test_wheels_of_one_axis_are_judged_by_their_own_gains():
     law = dataclasses.replace(own, wheel_axes=np.eye(3))
     members = np.vstack([np.zeros(3, bool), np.eye(3, dtype=bool)])
     one_set = cast(TolerantMagnetic, TolerantMagnetic.of([None, None, law, None], members))
-    held = [one_set.holds_with(np.eye(3)[:, [axis]]) for axis in range(3)]
+    rods = np.ones(3, bool)
+    held = [one_set.holds_with(np.eye(3)[:, [axis]], rods) for axis in range(3)]
     assert held == [False, True, False]
-    assert not one_set.holds_with(np.zeros((3, 0)))
+    assert not one_set.holds_with(np.zeros((3, 0)), rods)
 
 
 def feedback(c, omega, inertia, rate, frequency, most):

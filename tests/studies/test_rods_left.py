@@ -48,6 +48,19 @@ def test_rods_alone():
 
 
 @pytest.mark.slow
+def test_a_law_with_gains_of_all_rods_does_not_hold_a_body_that_gravity_gradient_turns_over():
+    """Of x and z rods, by which the body is controllable; the law does not know which one died."""
+    law = {"law": "fault-tolerant", "natural_frequency_rad_s": 0.001, "period_s": 2.0}
+    found = left("rods-only", (0,), (1,), (2,), (0, 2), law=law)
+    assert found == [
+        TorquesLeft.MAGNETIC,
+        TorquesLeft.TOO_FEW,
+        TorquesLeft.MAGNETIC,
+        TorquesLeft.TOO_FEW,
+    ]
+
+
+@pytest.mark.slow
 def test_a_wheel_and_rods():
     found = left("wheel-and-rods", (), (0,), (1,), (1, 2, 3), (0, 1, 2, 3))
     assert found[:2] == [TorquesLeft.MAGNETIC] * 2
