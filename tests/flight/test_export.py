@@ -107,7 +107,9 @@ def test_no_rule_of_misra_is_broken_but_those_that_are_told(tmp_path, filtered, 
     listed = set((tmp_path / "misra_deviations.txt").read_text().split())
     readme = made.files["README.md"].decode()
     assert all(rule in readme for rule in listed)
-    _make(tmp_path, "cppcheck")  # fails on a rule that is not listed
+    if libm:
+        _make(tmp_path, "cppcheck")  # fails on a rule that is not listed
+        return
     (tmp_path / "misra_deviations.txt").write_text("missingIncludeSystem\nunusedStructMember\n")
     command = ["make", "cppcheck"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)

@@ -8,8 +8,8 @@ import pytest
 from jaxtyping import Array, Float
 
 from helpers.paper import PAPER_THREE_AXIS, actuators, three_axis_start
-from helpers.switching import CASE, start, switching_loop
 from jaxsat.control.controller import AbstractFeedbackLaw
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import WZ
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
@@ -21,6 +21,7 @@ from jaxsat.simulation.engine.scan import ScanEngine
 from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
 from jaxsat.simulation.loops import ContinuousLoop
 from jaxsat.simulation.methods import Method, adaptive
+from jaxsat.simulation.sampled_loop import SampledLoop
 from simulation.engine.examples import KICKS, Kicked, smooth_law
 
 DURATION = 6.0
@@ -47,8 +48,22 @@ def error_loop():
     return ErrorCoordinateLoop(*smooth_law()), three_axis_start(PAPER_THREE_AXIS)
 
 
+class Held(AbstractSampledController):
+    """The same, held over each period."""
+
+    k3: Float[Array, ""]
+    period: Float[Array, ""]
+
+    def init(self, state):
+        return None
+
+    def step(self, t, state, memory):
+        return Damped(self.k3).torque(t, state), memory
+
+
 def sampled_loop():
-    return switching_loop(CASE), start()
+    loop, begin = damped_loop()
+    return SampledLoop(loop.plant, Held(jnp.array(1.0), jnp.array(0.1)), substeps=1), begin
 
 
 LOOPS = {
