@@ -26,7 +26,7 @@ from jaxsat.flight.harness import (
     test_program,
     vectors_file,
 )
-from jaxsat.flight.measure import ProcessorUse, measured
+from jaxsat.flight.measure import BOUND_SCRIPT, ProcessorUse, measured
 from jaxsat.flight.parameters import parameters_header, parameters_source
 from jaxsat.flight.program import FlightProgram, flight_program
 from jaxsat.flight.readme import readme
@@ -120,6 +120,7 @@ def export(request: Request) -> Export:
         "trace.csv": trace_table(program, texts["controller.c"]),
         "misra_deviations.txt": "".join(f"{rule}\n" for rule in DEVIATIONS),
         "mcdc.py": template("mcdc.py"),
+        BOUND_SCRIPT: template(BOUND_SCRIPT),
         "Makefile": template("Makefile", ULP=ulp),
         "CMakeLists.txt": template("CMakeLists.txt", ULP=ulp),
         "scenario.toml": request.scenario,

@@ -11,9 +11,10 @@ import json
 import re
 import shutil
 import subprocess
+import sys
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,9 @@ LONGEST = 120.0
 
 HOST = "cc"
 """Compiler of this machine."""
+
+BOUND_SCRIPT = "longest_path.py"
+"""Script of an export that bounds instructions by the longest path."""
 
 DEAREST = 512
 """Number of emulated samples that run most blocks of code."""
@@ -47,8 +51,9 @@ class ProcessorUse:
     """Use of a processor: bytes of stack, of code and constants, and most instructions of a step.
 
     `guarded_stack` and `guarded` are stack and instructions of a step behind the guard.
-    Instructions are those of `samples` emulated samples. None marks what could not be measured, for
-    the reason `why`.
+    Instructions are those of `samples` emulated samples. `bound` and `guarded_bound` are those of
+    the longest path through the code, whatever the input. None marks what could not be measured,
+    for the reason `why`.
     """
 
     stack: int | None = None
@@ -58,6 +63,8 @@ class ProcessorUse:
     why: str = ""
     guarded_stack: int | None = None
     guarded: int | None = None
+    bound: int | None = None
+    guarded_bound: int | None = None
 
 
 def measured(files: Mapping[str, bytes]) -> dict[str, ProcessorUse]:
@@ -92,7 +99,8 @@ def _entry(files: Mapping[str, bytes]) -> str:
         place = shutil.which(tool)
         status = None if place is None else Path(place).stat()
         tools.append(None if status is None else (place, status.st_size, status.st_mtime_ns))
-    origin = (Path(__file__).read_bytes(), template("blocks.c"), tools, *files.items())
+    scripts = template("blocks.c"), template(BOUND_SCRIPT)
+    origin = (Path(__file__).read_bytes(), *scripts, tools, *files.items())
     return f"{hashlib.sha256(repr(origin).encode()).hexdigest()}.measured"
 
 
@@ -113,24 +121,40 @@ def _use(folder: Path, flags: Sequence[str], board: str, samples: int) -> Proces
     """Measure one processor, without emulation if there are no samples."""
     names = ("controller", "controller_guard")
     for name in names:
-        run_tool(folder, ARM, *flags, "-fcallgraph-info=su", "-c", f"{name}.c")
+        run_tool(folder, ARM, *flags, "-g", "-fcallgraph-info=su", "-c", f"{name}.c")
     graph = "".join((folder / f"{name}.ci").read_text() for name in names)
     stack, guarded_stack = (_stack(graph, f"{name}_step") for name in names)
     sizes = run_tool(folder, "arm-none-eabi-size", "controller.o").splitlines()[1].split()
-    if not samples:
-        why = f"{QEMU} not installed"
-        return ProcessorUse(stack, int(sizes[0]), why=why, guarded_stack=guarded_stack)
     section = "-Wl,--section-start=.vectors=0x0"
     objects = [f"{name}.o" for name in names]
     parts = ["-DSTEPS", "cortex_m.c", *objects, "-o", "steps.elf", "-lm"]
     run_tool(folder, ARM, *flags, section, *parts)
+    bounds, why = _bounds(folder)
+    static = ProcessorUse(
+        stack, int(sizes[0]), guarded_stack=guarded_stack, bound=bounds[0], guarded_bound=bounds[1]
+    )
+    if not samples:
+        return replace(static, why=", ".join([f"{QEMU} not installed", *why]))
     output = run_tool(
         folder, QEMU, "-M", board, "-nographic", "-icount", "shift=0",
         "-semihosting-config", "enable=on,target=native", "-kernel", "steps.elf",
     )  # fmt: skip
     match = re.search(r"(\d+) instructions a step at most, (\d+) behind the guard", output)
     counts = [int(count) for count in match.groups()] if match else [None, None]
-    return ProcessorUse(stack, int(sizes[0]), counts[0], samples, "", guarded_stack, counts[1])
+    return replace(
+        static, instructions=counts[0], guarded=counts[1], samples=samples, why=", ".join(why)
+    )
+
+
+def _bounds(folder: Path) -> tuple[list[int] | list[None], list[str]]:
+    """Return the bounds of a step and of one behind the guard, or why there are none."""
+    (folder / BOUND_SCRIPT).write_text(template(BOUND_SCRIPT))
+    steps = "controller_step", "controller_guard_step"
+    try:
+        output = run_tool(folder, sys.executable, BOUND_SCRIPT, "steps.elf", *steps)
+    except subprocess.CalledProcessError as error:
+        return [None, None], [error.stderr.strip().splitlines()[-1]]
+    return [int(one) for one in re.findall(r"(\d+) instructions at most", output)], []
 
 
 def samples_worth_emulating(folder: Path) -> Int[np.ndarray, " chosen"]:

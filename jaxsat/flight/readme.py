@@ -111,6 +111,8 @@ def _measurement(numbers: ProcessorUse, vectors: Vectors) -> str:
     rows = {
         f"instructions of a step, the most over {samples}": numbers.instructions,
         "instructions of a step behind the guard": numbers.guarded,
+        "instructions of the longest path through a step, whatever the input": numbers.bound,
+        "instructions of the longest path behind the guard": numbers.guarded_bound,
         "bytes of stack at most": numbers.stack,
         "bytes of stack behind the guard at most": numbers.guarded_stack,
         "bytes of code and constants": numbers.code,

@@ -265,6 +265,9 @@ def test_an_emulated_cortex_m_agrees_to_the_bit(tmp_path, filtered):
     assert 100 < m7 < m4 / 2  # its unit has double precision
     assert m4 / 2 < guarded_m4 < 2 * m4
     assert m7 / 2 < guarded_m7 < 2 * m7
+    bounds = [int(one) for one in re.findall(r"(\d+) instructions at most", told)]
+    for count, bound in zip((m4, guarded_m4, m7, guarded_m7), bounds, strict=True):
+        assert count < bound < 20 * count
 
 
 @needs("gcc")

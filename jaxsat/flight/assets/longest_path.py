@@ -1,0 +1,355 @@
+"""The most instructions that functions of a Cortex-M program can take, whatever they are given.
+
+    python3 longest_path.py PROGRAM FUNCTION...
+
+PROGRAM is a linked program whose C, in this folder, was compiled with debug information (-g). Its
+instructions are those that arm-none-eabi-objdump prints. The bound is that of the longest path
+through them: of two branches the longer one, and for a call the bound of what is called. A loop
+runs as often as the `for` of the C says that the line of the loop's exit has. Loops of the
+compiler's own functions and of the square root shift numbers of at most 64 bits; those of memcpy,
+memmove and memset store the bytes that the call says. If there is anything else, such as a loop
+without a `for`, recursion, or a call by a pointer, there is no bound.
+"""
+
+import argparse
+import re
+import subprocess
+from bisect import bisect_right
+from itertools import pairwise
+from pathlib import Path
+
+OBJDUMP = "arm-none-eabi-objdump"
+CALLER, PASS = -1, -2
+BITS = 64
+COPIES = ("memcpy", "memmove", "memset")
+LIBRARY = re.compile(r"__\w+|(sqrt|floor|ceil|rint)f?")
+STORED = {"strb": 1, "strh": 2, "str": 4, "strd": 8}
+
+ROW = re.compile(r"^ *([0-9a-f]+):[ \t]+([a-z][\w.]*)[ \t]*([^@;\n]*)", re.M)
+LINE = re.compile(r"^(\S+\.c):?\s+(\d+|-)\s+(0x[0-9a-f]+|0)\b", re.M)
+FOR = re.compile(r"\bfor \((?:int\w+ \w+ = (\d+))?; ([\w>.-]+) < (\w+); [\w>.-]+\+\+\)")
+HEAD = re.compile(r"^[a-z]\w*[^;{}=#/]*?\b(\w+)\([^;{}]*\)\s*\{", re.M)
+CONDITIONS = "eq|ne|cs|cc|mi|pl|vs|vc|hi|ls|ge|lt|gt|le|hs|lo"
+TABLE = re.compile(r"tb[bh] |(mov|add|ldr)\S* pc, (?!lr|\[sp)")
+RETURN = re.compile(r"(mov|ldr)\S* pc, |(pop|ldm)\S* .*\bpc\}")
+SAVES = re.compile(r"(push|pop) |(stm|ldm)\S* sp!")
+BRANCH = re.compile(rf"(b|bl|bx|blx)({CONDITIONS})?(\.[nw])?|(cbn?z)")
+
+
+class Unbounded(Exception):
+    """The instructions of a part of a program have no bound."""
+
+
+class Program:
+    """A linked program: its instructions by address, functions, and bounds of lines of C."""
+
+    def __init__(self, file):
+        listing = _printed(OBJDUMP, "-d", "--no-show-raw-insn", file)
+        self.code = {int(a, 16): (name, rest.strip()) for a, name, rest in ROW.findall(listing)}
+        addresses = sorted(self.code)
+        self.after = dict(pairwise(addresses))
+        self.before = {after: one for one, after in self.after.items()}
+        names = re.findall(r"^([0-9a-f]+) <([^>]+)>:$", listing, re.M)
+        self.names = {int(address, 16): name for address, name in names}
+        self.begins = sorted(self.names)
+        self.starts = {name: address for address, name in self.names.items()}
+        self.lines = self._lines(_printed(OBJDUMP, "--dwarf=decodedline", file), addresses)
+        self.loops: dict[tuple[str, int], int] = {}
+        for name in {name for name, _ in self.lines.values()}:
+            bounds = loop_bounds(Path(name).read_text())
+            self.loops |= {(name, line): most for line, most in bounds.items()}
+        self.known: dict[tuple[int, int | None], int] = {}
+        self.open: list[tuple[int, int | None]] = []
+
+    def _lines(self, listing, addresses):
+        """Return the file and line of each address that has them."""
+        marks = {}
+        for name, line, address in LINE.findall(listing):
+            marks[int(address, 16)] = None if line == "-" else (name, int(line))
+        lines, now = {}, None
+        for address in addresses:
+            now = marks.get(address, now)
+            if address in self.names and address not in marks:
+                now = None
+            if now is not None and Path(now[0]).exists():
+                lines[address] = now
+        return lines
+
+    def bound(self, begin: int, size: int | None = None) -> int:
+        """Return the most instructions of a call of a function; `size` is that of a copy."""
+        key = begin, size
+        if key in self.open:
+            raise Unbounded(f"{self.name(begin)} calls itself")
+        if key not in self.known:
+            self.open.append(key)
+            nodes = self._reach(begin)
+            nodes[CALLER] = [begin]
+            done, _ = self._paths(CALLER, set(nodes), nodes, size)
+            self.known[key] = max(done[one] for one, after in nodes.items() if None in after)
+            self.open.pop()
+        return self.known[key]
+
+    def name(self, address):
+        """Return the name of the function at an address."""
+        return self.names[self.begins[bisect_right(self.begins, address) - 1]]
+
+    def _reach(self, begin):
+        """Return the possible successors of each instruction of a function; None is the return."""
+        nodes, left = {}, [begin]
+        while left:
+            address = left.pop()
+            if address not in nodes:
+                nodes[address] = self._next(address)
+                left += [one for one in nodes[address] if one is not None]
+        return nodes
+
+    def _next(self, address):
+        name, rest = self.code[address]
+        after = self.after.get(address)
+        match = BRANCH.fullmatch(name)
+        if match is None or match[1] == "bl":
+            if TABLE.match(f"{name} {rest}"):
+                raise Unbounded(f"{self.name(address)} jumps by a table")
+            if not RETURN.match(f"{name} {rest}"):
+                return [after]
+            return [None, after] if self._is_conditional(address) else [None]
+        if match[1] in ("bx", "blx"):
+            if rest != "lr":
+                raise Unbounded(f"{self.name(address)} calls by a pointer")
+            return [None, after] if match[2] else [None]
+        target = None if self._is_call(address) else self._target(address)
+        return [target, after] if match[2] or match[4] else [target]
+
+    def _target(self, address):
+        return int(self.code[address][1].split(",")[-1].split()[0], 16)
+
+    def _is_call(self, address):
+        """Whether an instruction calls a function, or ends by a copy in the place of its own."""
+        match = BRANCH.fullmatch(self.code[address][0])
+        if match is None or match[1] in ("bx", "blx"):
+            return False
+        target = self.names.get(self._target(address))
+        return match[1] == "bl" or (target in COPIES and self.name(address) != target)
+
+    def _is_conditional(self, address):
+        """Whether an instruction may be one of the at most four after an IT."""
+        for distance in range(4):
+            address = self.before.get(address, -1)
+            name = self.code.get(address, ("", ""))[0]
+            if re.fullmatch("it[te]{0,3}", name):
+                return len(name) - 1 > distance
+        return False
+
+    def _cost(self, address, size) -> int:
+        if address in (CALLER, PASS):
+            return 0
+        if not self._is_call(address):
+            return 1
+        target = self._target(address)
+        copies = self.name(target) in COPIES
+        return 1 + self.bound(target, self._size(address) if copies else None)
+
+    def _size(self, call):
+        """Return the number of bytes of a copy: the constant in r2 at its call."""
+        address = call
+        for _ in range(40):
+            address = self.before[address]
+            name, rest = self.code[address]
+            match = re.fullmatch(r"mov[sw.]* r2, (?:#(\d+)|(r\d+|sl|fp))", f"{name} {rest}")
+            if match:
+                return int(match[1]) if match[1] else self._constant(match[2], call)
+            if BRANCH.fullmatch(name) or rest.startswith("r2"):
+                break
+        raise Unbounded(f"{self.name(call)} copies an unknown number of bytes")
+
+    def _constant(self, register, call):
+        """Return the largest constant in a register that calls preserve and that has no other."""
+        numbers = []
+        for address, (name, rest) in self.code.items():
+            if _may_write(register, name, rest) and self.name(address) == self.name(call):
+                match = re.fullmatch(rf"mov[sw.]* {register}, #(\d+)", f"{name} {rest}")
+                numbers.append(int(match[1]) if match else None)
+        if not numbers or None in numbers or register in ("r0", "r1", "r3"):
+            raise Unbounded(f"{self.name(call)} copies an unknown number of bytes")
+        return max(numbers)
+
+    def _paths(self, begin, inside, nodes, size):
+        """Return the longest paths from one of some nodes, without edges back to it: to the end of
+        each node, and along each edge that leaves them."""
+        arrive: dict[int | None, int] = {begin: 0}
+        leave: dict[tuple[int, int | None], int] = {}
+        done: dict[int, int] = {}
+        for part in _in_order(begin, inside, nodes, begin):
+            first = max(arrive.get(one, -1) for one in part)
+            if part[0] == begin or (len(part) == 1 and part[0] not in nodes[part[0]]):
+                done[part[0]] = first + self._cost(part[0], size)
+                exits = {(part[0], one): done[part[0]] for one in nodes[part[0]]}
+            else:
+                ends, exits = self._loop(part, arrive, nodes, size)
+                done |= {one: first + cost for one, cost in ends.items()}
+                exits = {edge: first + cost for edge, cost in exits.items()}
+            for (one, other), cost in exits.items():
+                if other in inside and other != begin:
+                    arrive[other] = max(arrive.get(other, 0), cost)
+                else:
+                    leave[one, other] = max(leave.get((one, other), 0), cost)
+        return done, leave
+
+    def _loop(self, part, arrive, nodes, size):
+        """Return the longest paths through a loop from its head, as `_paths`."""
+        inside = set(part)
+        heads = [one for one in part if one in arrive]
+        if len(heads) > 1:
+            return self._loop_of_heads(heads, inside, nodes, size)
+        head = heads[0]
+        done, leave = self._paths(head, inside, nodes, size)
+        cycle = max(cost for (_, other), cost in leave.items() if other == head)
+        most = self._times(head, inside, nodes, size) * cycle
+        ends = {one: most + cost for one, cost in done.items()}
+        exits = {edge: most + cost for edge, cost in leave.items() if edge[1] not in inside}
+        return ends, exits
+
+    def _loop_of_heads(self, heads, inside, nodes, size):
+        """Return the same for a loop with several heads: each way from one of its tests to the
+        next, or to an end, counts as the longest."""
+        line, tests = self._tests(heads, inside, nodes)
+        if line is None:
+            raise Unbounded(f"{self.name(heads[0])} has a loop with several heads")
+        after = [other for one in tests for other in nodes[one]]
+        rest = inside - tests
+        begins = {PASS: [one for one in (*heads, *after) if one in rest]}
+        done, _ = self._paths(PASS, rest | {PASS}, nodes | begins, size)
+        most = (self.loops[line] + 2) * (max(done.values()) + 1)
+        edges = [(one, other) for one in inside for other in nodes[one] if other not in inside]
+        return dict.fromkeys(inside, most), dict.fromkeys(edges, most)
+
+    def _tests(self, heads, inside, nodes):
+        """Return the line of a `for` and its tests, which are on every way back to the heads."""
+        tests = {}
+        for one in inside:
+            line = self.lines.get(one)
+            if line in self.loops and any(other not in inside for other in nodes[one]):
+                tests.setdefault(line, set()).add(one)
+        cuts = [
+            line
+            for line, every in tests.items()
+            if all(self._cut(head, inside, nodes, every) for head in heads)
+        ]
+        line = max(cuts, key=lambda one: self.loops[one], default=None)
+        return line, tests.get(line, set())
+
+    def _times(self, head, inside, nodes, size):
+        """Return how often a loop goes back to its head at most."""
+        line, _ = self._tests([head], inside, nodes)
+        if line is not None:
+            return self.loops[line]
+        places = {self.lines[one][1] for one in inside if one in self.lines}
+        if places:
+            why = f"has a loop without a bound, C lines {sorted(places)}"
+            raise Unbounded(f"{self.name(head)} {why}")
+        if size is None and not LIBRARY.fullmatch(self.name(head)):
+            raise Unbounded(f"{self.name(head)} has a loop and no debug information")
+        if size is None:
+            return BITS
+        stored = [STORED.get(self.code[one][0].split(".")[0], 0) for one in inside]
+        if not any(stored) or any(len(inside.intersection(nodes[one])) > 1 for one in inside):
+            raise Unbounded(f"{self.name(head)} has a loop that does not store in each pass")
+        return size // sum(stored)
+
+    def _cut(self, head, inside, nodes, tests):
+        """Whether every way back to the head of a loop has one of some tests."""
+        if head in tests:
+            return True
+        parts = _in_order(head, inside - tests, nodes)
+        return not any(head in part and (len(part) > 1 or head in nodes[head]) for part in parts)
+
+
+def _in_order(begin, inside, nodes, without=None):
+    """Return the strongly connected parts of some nodes, without edges to one of them, in the order
+    of their edges (Tarjan, Depth-first search and linear graph algorithms, 1972)."""
+    number, low, stack, on_stack, parts = {begin: 0}, {begin: 0}, [begin], {begin}, []
+    work = [(begin, iter(nodes[begin]))]
+    while work:
+        one, edges = work[-1]
+        for other in edges:
+            if other not in inside or other == without:
+                continue
+            if other not in number:
+                number[other] = low[other] = len(number)
+                stack.append(other)
+                on_stack.add(other)
+                work.append((other, iter(nodes[other])))
+                break
+            if other in on_stack:
+                low[one] = min(low[one], number[other])
+        else:
+            work.pop()
+            if work:
+                low[work[-1][0]] = min(low[work[-1][0]], low[one])
+            if low[one] == number[one]:
+                place = stack.index(one)
+                parts.append(stack[place:])
+                on_stack.difference_update(stack[place:])
+                del stack[place:]
+    return parts[::-1]
+
+
+def _may_write(register, name, rest):
+    """Whether an instruction may change a register, but for those that save and restore it."""
+    if not re.search(rf"\b{register}\b", rest) or SAVES.match(f"{name} {rest}"):
+        return False
+    if re.search(rf"\[{register}\b[^]]*\](!|,)|\b{register}!", rest):
+        return True
+    if name.startswith("mov"):
+        return rest.startswith(f"{register},")
+    return not re.match(r"str|stm|cmp|cmn|tst|teq|cbn?z", name)
+
+
+def loop_bounds(text):
+    """Return the most passes of each `for` of a C text, by its line."""
+    bounds = {}
+    for match in FOR.finditer(text):
+        begin, end, before = match[1], match[3], text[: match.start()]
+        if begin is None:
+            counter = re.escape(match[2])
+            starts = re.findall(rf"(?<![\w>.]){counter} = (?:INT\d+_C\()?(-?\d+)\)?;", before)
+            begin = starts[-1] if starts else None
+        if not end.isdecimal():
+            end = _largest_count(text, before, end)
+        if begin is not None and end is not None:
+            bounds[before.count("\n") + 1] = max(0, int(end) - int(begin))
+    return bounds
+
+
+def _largest_count(text, before, count):
+    """Return the largest first argument in calls of the function around a place."""
+    heads = HEAD.findall(before)
+    if not heads:
+        return None
+    calls = re.findall(rf"\b{heads[-1]}\((int32_t \w+|[^,()]*)", text)
+    numbers = [one for one in calls if one != f"int32_t {count}"]
+    if len(numbers) == len(calls) or not all(one.isdecimal() for one in numbers):
+        return None
+    return max(map(int, numbers), default=None)
+
+
+def _printed(*command):
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
+def main():
+    """Print the bounds of the functions of a program."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("program")
+    parser.add_argument("functions", nargs="+")
+    arguments = parser.parse_args()
+    program = Program(arguments.program)
+    for name in arguments.functions:
+        print(f"{name}: {program.bound(program.starts[name])} instructions at most")
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except Unbounded as error:
+        raise SystemExit(f"no bound: {error}") from None

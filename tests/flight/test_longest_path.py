@@ -1,0 +1,170 @@
+"""The script of an export that bounds instructions: small programs whose counts are known."""
+
+import importlib.util
+import subprocess
+from importlib.resources import files
+
+import pytest
+
+from helpers.tools import needs
+
+
+@pytest.fixture(scope="module")
+def script():
+    """The script as a module."""
+    place = str(files("jaxsat.flight") / "assets" / "longest_path.py")
+    spec = importlib.util.spec_from_file_location("longest_path", place)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+CODE = """\
+#include <stdint.h>
+#include <string.h>
+typedef struct { int32_t all[25]; } record;
+volatile int32_t port;
+record one, other;
+void seen(record *all);
+void straight(void);
+void choose(int32_t x);
+void repeat(void);
+void nested(void);
+void stop(int32_t x);
+void enter(int32_t x);
+void copy(void);
+void endless(int32_t x);
+void spin(void);
+void recur(int32_t x);
+void point(void (*f)(void));
+static void times(int32_t count) __attribute__((noinline));
+static void times(int32_t count)
+{
+  for (int32_t i = 1; i < count; i++) {
+    port = 1;
+  }
+}
+void straight(void) { port = 1; port = 2; port = 3; }
+void choose(int32_t x)
+{
+  if (x > 0) {
+    port = 1; port = 2; port = 3; port = 4; port = 5; port = 6;
+  } else {
+    port = 7;
+  }
+}
+void repeat(void) { times(300); times(7); }
+void nested(void)
+{
+  for (int32_t i = 0; i < 30; i++) {
+    for (int32_t j = 2; j < 42; j++) {
+      port = j;
+    }
+  }
+}
+void stop(int32_t x)
+{
+  int32_t k = 0;
+  for (; k < 24; k++) {
+    if (port == x) {
+      break;
+    }
+  }
+  port = k;
+}
+void enter(int32_t x)
+{
+  int32_t j = 0;
+  if (x > 0) {
+    goto inside;
+  }
+  for (; j < 20; j++) {
+    port = x;
+    x = port;
+  inside:
+    port = j;
+  }
+}
+void seen(record *all) { port = all->all[port]; }
+void copy(void)
+{
+  record all = one;
+  seen(&all);
+  other = all;
+  one = all;
+}
+void endless(int32_t x) { while (port != x) { port = x; } }
+void spin(void) { for (;;) { } }
+void recur(int32_t x) { if (port > x) { recur(x + 1); port = x; } }
+void point(void (*f)(void)) { f(); port = 1; }
+int main(void) { return 0; }
+"""
+
+
+@pytest.fixture(scope="module")
+def program(script, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("program")
+    (folder / "code.c").write_text(CODE)
+    command = "arm-none-eabi-gcc -mcpu=cortex-m7 -mthumb -O2 -g --specs=nosys.specs -w"
+    command += " code.c -o code.elf"
+    subprocess.run(command.split(), cwd=folder, check=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        yield script.Program("code.elf")
+
+
+def _length(program, name: str) -> int:
+    """Instructions of a function's text, each once."""
+    return sum(program.name(address) == name for address in program.code)
+
+
+@needs("arm-none-eabi-gcc")
+def test_the_bound_is_that_of_the_longest_path(program):
+    names = "straight", "choose", "repeat", "nested", "stop", "enter", "copy"
+    bound = {name: program.bound(program.starts[name]) for name in names}
+    assert bound["straight"] == _length(program, "straight")
+    # the short branch is a store, and may end with a return of its own
+    assert _length(program, "choose") - 4 <= bound["choose"] < _length(program, "choose")
+    # a store, the count and a branch, 299 times in each of two calls
+    assert 2 * 3 * 299 < bound["repeat"] < 2 * 5 * 300 + 20
+    # a store, the count and two more, 40 times 30 times
+    assert 3 * 40 * 30 < bound["nested"] < 5 * 41 * 31 + 20
+    # a load, a comparison with a branch, the count, and another comparison with a branch
+    assert 6 * 24 <= bound["stop"] < 8 * 25 + 20
+    # two stores, a load, the count, a comparison and a branch, entered at two places
+    assert 6 * 20 <= bound["enter"] < 2 * 8 * 22 + 20
+    # three copies of 25 words, which may be of 100 bytes one by one
+    assert 3 * 2 * 25 < bound["copy"] < 3 * 8 * 100
+
+
+@needs("arm-none-eabi-gcc")
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("endless", "endless has a loop without a bound"),
+        ("spin", "spin has a loop without a bound"),
+        ("recur", "recur calls itself"),
+        ("point", "point calls by a pointer"),
+    ],
+)
+def test_what_cannot_be_bounded_is_told(script, program, name, why):
+    with pytest.raises(script.Unbounded, match=why):
+        program.bound(program.starts[name])
+
+
+def test_loops_run_as_often_as_their_text_says(script):
+    """The begin of a loop may be an assignment before it, and the end what calls give."""
+    bounds = script.loop_bounds(CODE)
+    lines = CODE.splitlines()
+    by_text = {lines[line - 1].strip(): most for line, most in bounds.items()}
+    assert by_text == {
+        "for (int32_t i = 1; i < count; i++) {": 299,
+        "for (int32_t i = 0; i < 30; i++) {": 30,
+        "for (int32_t j = 2; j < 42; j++) {": 40,
+        "for (; k < 24; k++) {": 24,
+        "for (; j < 20; j++) {": 20,
+    }
+    assert script.loop_bounds(CODE.replace("times(7)", "times(port)")).keys() < bounds.keys()
+    assert script.loop_bounds(CODE.replace("k = 0;", "k = port;")).keys() < bounds.keys()
