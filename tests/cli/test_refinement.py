@@ -18,6 +18,11 @@ from jaxsat.store.tables import open_study
 from jaxsat.studies.ensemble import Study
 
 SHORT = ("simulation.duration_s=4", "simulation.save_every_s=1")
+LIGHT = (
+    "control={law='quaternion-feedback', natural_frequency_rad_s=0.1, period_s=0.1}",
+    "spacecraft.failed_thrusters=[]",
+)
+"""A law that is quick to trace."""
 
 
 def of(*changes, name="two-torque-free"):
@@ -54,7 +59,8 @@ def test_a_library_flies_with_the_steps_of_its_own_law(monkeypatch):
 
 @pytest.mark.slow
 def test_a_run_is_flown_again_and_tells_its_steps(command_line):
-    tight = [part for one in (*SHORT, "simulation.solver.name=bosh3") for part in ("--set", one)]
+    changes = (*SHORT, *LIGHT, "simulation.solver.name=bosh3")
+    tight = [part for one in changes for part in ("--set", one)]
     status, _, err = command_line("simulate", "two-torque-free", *tight, "--out", "usual")
     assert status == 0, err
     assert "flown again" not in err
@@ -77,7 +83,8 @@ def test_a_run_is_flown_again_and_tells_its_steps(command_line):
 @pytest.mark.slow
 def test_a_study_has_the_steps_that_its_first_and_its_fastest_case_need(command_line):
     """Decided before it flies, the same for more cases and for one case alone."""
-    data = of(name="oscillatory-dispersed").model_dump(exclude_none=True)
+    spread = "dispersion.omega_rad_s={distribution='uniform', low=-0.05, high=0.05}"
+    data = of(*LIGHT, spread).model_dump(exclude_none=True)
     data["simulation"]["solver"] = {"name": "bosh3"}
     usual = Scenario.model_validate(data)
     _, flown = refined_study(usual, 6, pytest.fail, batch_size=6)
