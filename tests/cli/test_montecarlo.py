@@ -147,7 +147,9 @@ def test_processes_and_devices_give_the_same_bits(jaxsat, tmp_path):
     Through XLA: machine code of our own knows no devices.
     """
     tokens = [*SHORT[:-2], "-n", "16", "--chunk", "2", "--engine", "scan", "--quiet"]
-    tokens += ["--set", "simulation.solver.name=heun"]  # of few stages
+    tokens += ["--set", "simulation.solver.name=heun"]  # of few stages, and a law of few operations
+    light = "control={law='quaternion-feedback', natural_frequency_rad_s=0.1, period_s=0.1}"
+    tokens += ["--set", light, "--set", "spacecraft.failed_thrusters=[]"]
     assert jaxsat(*tokens, "--out", "plain")[0] == 0
     plain = of_store(tmp_path / "plain")
     runs = [("processes", ["--processes", "2"], {}, MAIN)]

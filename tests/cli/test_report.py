@@ -78,7 +78,7 @@ def test_the_report_of_a_study_is_beside_its_store(command_line, tmp_path):
     table = '\n[dispersion.omega_rad_s]\ndistribution = "uniform"\nlow = -0.05\nhigh = 0.05\n'
     text = library()["paper-rate"].read_text(encoding="utf-8")
     (tmp_path / "mine.toml").write_text(text + table)
-    study = ("montecarlo", "mine.toml", *SHORT, "-n", "4", "--engine", "scan", "--report")
+    study = ("montecarlo", "mine.toml", *SHORT, "-n", "4", "--report")
     assert command_line(*study, "--quiet") == (0, "", "")
     assert "of 4 cases settle" in (tmp_path / "jaxsat-mine.html").read_text()
     status, _, err = command_line(*study)

@@ -160,7 +160,7 @@ def test_the_command_on_the_page_computes_the_same_case_again(tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     text = library()["paper-rate"].read_text(encoding="utf-8")
     Path("mine.toml").write_text(text + DISPERSION, encoding="utf-8")
-    more = ("--set", "simulation.duration_s=5", "--engine", "scan", "--quiet")
+    more = ("--set", "simulation.duration_s=5", "--quiet")
     run("montecarlo", "mine.toml", "-n", "8", "--out", "s.zarr", *more)
     page = report_page(["s.zarr"])
     command = re.search(r"<code>(jaxsat montecarlo .*?)</code>", page).group(1)
