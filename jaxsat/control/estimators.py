@@ -148,8 +148,8 @@ class ThirdAxisEstimator(eqx.Module):
         errors = jnp.zeros(8, omega.dtype) if memory.fit is None else memory.fit.estimate
         ripple, fit = memory.ripple, memory.fit
         if self.observer is not None:
-            known = [(omega - last)[:2], products, *([] if thrust is None else [thrust])]
-            change = jnp.sum(factors * products) + jnp.sum(jnp.concatenate(known) * errors)
+            terms = [(omega - last)[:2], products, *([] if thrust is None else [thrust])]
+            change = jnp.sum(factors * products) + jnp.sum(jnp.concatenate(terms) * errors)
             # Period, not span, so that sine and cosine are uniform over all cases.
             advanced = self.observer.advance(ripple, omega, change, period)
             first = self.observer.init(omega[2])

@@ -138,10 +138,10 @@ class Mix(NamedTuple):
             zip(uses, self.reaches, self.steady, strict=True)
         ):
             others = jnp.any(settled & (jnp.arange(len(settled)) != number)) & ~three
-            asked = jnp.where(others, 0.0, torque)
+            kind_torque = jnp.where(others, 0.0, torque)
             demands.append(
                 Demand(
-                    jnp.where(three, one.columns @ use, asked),
+                    jnp.where(three, one.columns @ use, kind_torque),
                     jnp.where(three, 0.0, steady),
                     three | others,
                     jnp.where(three, use, 0.0),

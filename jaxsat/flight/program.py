@@ -200,11 +200,11 @@ def _stages(
         return _elements_under(structs["state"], part, "next->")
 
     estimates = begun.estimator is not None
-    told = (law_input, seen if estimates else measured)
+    law_argument = (law_input, seen if estimates else measured)
     control = stage(
         "control",
         "The law",
-        [(now.sample, clock), told, kept("law")],
+        [(now.sample, clock), law_argument, kept("law")],
         [*out["torque"], *out["mode"], *keeps("law")],
     )
     command = (control.program.outputs[0], out["torque"])
@@ -212,12 +212,12 @@ def _stages(
     allocate = stage(
         "allocate",
         "Allocation and modulation",
-        [told, command, kept("modulation")],
+        [law_argument, command, kept("modulation")],
         [*commands, *keeps("modulation")],
     )
     stages = [control, allocate]
     starts = [
-        stage("begin_law", "The law's first memory", [told], keeps("law")),
+        stage("begin_law", "The law's first memory", [law_argument], keeps("law")),
         stage("begin_modulation", "The modulator's first memory", [], keeps("modulation")),
     ]
     if estimates:

@@ -128,13 +128,13 @@ def kept_samples(signals: np.ndarray, most: int = MOST) -> np.ndarray:
     begins = np.linspace(0, count, parts, endpoint=False).astype(int)
     numbers = [begins, [count - 1]]
     for column in signals.T:
-        there = np.isfinite(column)
+        finite = np.isfinite(column)
         numbers += [
-            np.flatnonzero(there[1:] != there[:-1]),
-            1 + np.flatnonzero(there[1:] != there[:-1]),
+            np.flatnonzero(finite[1:] != finite[:-1]),
+            1 + np.flatnonzero(finite[1:] != finite[:-1]),
         ]
         for sign in (1, -1):
-            numbers.append(_places_of_largest(np.where(there, sign * column, -np.inf), begins))
+            numbers.append(_places_of_largest(np.where(finite, sign * column, -np.inf), begins))
     return np.unique(np.concatenate(numbers))
 
 

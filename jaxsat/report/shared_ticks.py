@@ -76,8 +76,8 @@ class _SharedTicks(Axis):
             if not len(locations):
                 continue
             texts, tick = formatter.format_ticks(locations), ticks()[0]
-            there = self.get_transform().transform(locations)
-            visible = np.flatnonzero((there >= first - room) & (there <= last + room))
+            positions = self.get_transform().transform(locations)
+            visible = np.flatnonzero((positions >= first - room) & (positions <= last + room))
             places += [
                 _Place(tick, locations[one], texts[one], locations[visible] if not number else None)
                 for number, one in enumerate(visible)

@@ -102,9 +102,9 @@ def settling_over(label: str, values: np.ndarray, times: np.ndarray, unit: str) 
     parts = _bins(values[good])
     if not parts:
         return None
-    there = values[good], times[good]
-    middles = np.array([np.median(there[0][one]) for one in parts])
-    points = np.array([np.quantile(there[1][one], [0.5, 0.1, 0.9]) for one in parts])
+    settled_values, settled_times = values[good], times[good]
+    middles = np.array([np.median(settled_values[one]) for one in parts])
+    points = np.array([np.quantile(settled_times[one], [0.5, 0.1, 0.9]) for one in parts])
     sentence = f"Medians from {points[:, 0].min():.4g} to {points[:, 0].max():.4g} s."
     title = f"Settling time over {label}: median, 10 % and 90 % points of settled cases"
     y = Axis("settling time", "s")

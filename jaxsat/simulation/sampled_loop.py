@@ -114,11 +114,11 @@ class SampledLoop(AbstractLoop):
             None if self.delay is None else tuple(one.idle() for one in effectors),
             None if self.navigation is None else self.navigation.init(state),
         )
-        told = self.told(jnp.array(0), begin).state
-        begin = begin._replace(memory=self.controller.init(told))
+        law_input = self.told(jnp.array(0), begin).state
+        begin = begin._replace(memory=self.controller.init(law_input))
         if self.guard is None:
             return begin
-        shares = jax.eval_shape(self._shares, jnp.zeros(()), told, begin.memory)[0]
+        shares = jax.eval_shape(self._shares, jnp.zeros(()), law_input, begin.memory)[0]
         return begin._replace(guard=self.guard.init(shares))
 
     def told(self, number: IntScalar, state: SampledState) -> Told:
@@ -181,16 +181,16 @@ class SampledLoop(AbstractLoop):
 
     def _planned(self, number: IntScalar, t: RealScalar, state: SampledState) -> _Planned:
         """The decisions at sample `number` of the run, at time `t` (s)."""
-        told = self.told(number, state)
-        shares, memory = self._shares(t, told.state, state.memory)
+        law_input = self.told(number, state)
+        shares, memory = self._shares(t, law_input.state, state.memory)
         guard, before = self.guard, state.guard
-        if guard is None or before is None or told.valid is None:
-            return _Planned(told, shares, self._plans(t, shares.uses, state), memory, before)
-        decision = guard.decide(told.valid, before)
+        if guard is None or before is None or law_input.valid is None:
+            return _Planned(law_input, shares, self._plans(t, shares.uses, state), memory, before)
+        decision = guard.decide(law_input.valid, before)
         shares, after = guard.asked(decision, shares, before)
-        memory = jax.tree.map(partial(jnp.where, told.valid), memory, state.memory)
+        memory = jax.tree.map(partial(jnp.where, law_input.valid), memory, state.memory)
         plans = self._plans(t, shares.uses, state, decision)
-        return _Planned(told, shares, plans, memory, after)
+        return _Planned(law_input, shares, plans, memory, after)
 
     def _shares(self, t: RealScalar, estimate: PlantState, memory: Memory) -> tuple[Shares, Memory]:
         """Each effector's share of the command at a sample, and the law's memory."""

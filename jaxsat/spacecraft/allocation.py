@@ -92,8 +92,8 @@ def allocate_unloading(
     def allocated(use: Float[Array, " n"], turn: IntScalar):
         last = turn == 2
         first = without_storing(jnp.where(turn == 1, gently(use), unloading))
-        asked = choose(last, beside(use), first)
-        more = allocate(*asked)
+        problem = choose(last, beside(use), first)
+        more = allocate(*problem)
         return jnp.where(last, use, 0.0) + more.use, more.unmade
 
     idle = jnp.all(unloading == 0) & jnp.all(before == 0)

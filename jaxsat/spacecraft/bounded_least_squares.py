@@ -169,9 +169,9 @@ def _basis(devices: Bounded, free: Bool[Array, " m"]) -> Matrix:
         most = jnp.argmax(jax.lax.stop_gradient(sizes * devices.weight))
         chosen = jnp.arange(sizes.shape[0]) == most
         size = jnp.sum(jnp.where(chosen, sizes, 0.0))
-        there = size > FLAT**2
-        one = jnp.sum(jnp.where((chosen & there)[None], across, 0.0), axis=1)
-        one = one / jnp.sqrt(jnp.where(there, size, 1.0))
+        independent = size > FLAT**2
+        one = jnp.sum(jnp.where((chosen & independent)[None], across, 0.0), axis=1)
+        one = one / jnp.sqrt(jnp.where(independent, size, 1.0))
         place = jnp.where(jnp.arange(3) == row, 1.0, 0.0)
         return basis + jnp.outer(place, one), across - jnp.outer(one, one @ across)
 

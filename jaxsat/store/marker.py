@@ -314,17 +314,17 @@ def foreign_files_in(folder: Path, is_made_of_it: NameTest = nothing) -> list[st
 
 def user_files_in(folder: Path, within: str = "") -> list[str]:
     """Return the names in a folder except a system's own files; raises `OSError`."""
-    found = []
+    user_files = []
     with os.scandir(folder / within) as entries:
         names = sorted(
             (f"{within}{one.name}", one.stat(follow_symlinks=False).st_mode) for one in entries
         )
     for name, mode in names:
         if not _is_of_system(folder, name, mode):
-            found.append(name)
+            user_files.append(name)
         elif stat.S_ISDIR(mode):
-            found += user_files_in(folder, f"{name}/")
-    return found
+            user_files += user_files_in(folder, f"{name}/")
+    return user_files
 
 
 def remove_folder(folder: Path, is_made_of_it: NameTest = nothing) -> list[str]:

@@ -123,19 +123,19 @@ def connected(address: str, timeout: float) -> Client:
 
 def _require_same_versions(client: Client, address: str) -> None:
     """Raise `ClusterError` for a scheduler of other versions, with which communication may fail."""
-    here = {name: version(name) for name in ("dask", "distributed")}
-    here["python"] = platform.python_version()
+    local = {name: version(name) for name in ("dask", "distributed")}
+    local["python"] = platform.python_version()
     try:
         ask = cast(Any, client.scheduler).versions
         report = in_time(lambda: cast(Any, client.sync(ask)), ANSWER_S)
-        there = {name: str(report["packages"][name]) for name in here}
+        remote = {name: str(report["packages"][name]) for name in local}
     except Exception as error:
         message = f"the scheduler at {address} reports no versions: {reason(error)}"
         raise ClusterError(message) from error
     mismatches = [
-        f"{name}: {there[name]} there, {here[name]} here"
-        for name in here
-        if _release(name, there[name]) != _release(name, here[name])
+        f"{name}: {remote[name]} there, {local[name]} here"
+        for name in local
+        if _release(name, remote[name]) != _release(name, local[name])
     ]
     if mismatches:
         raise ClusterError(

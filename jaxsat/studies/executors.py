@@ -109,9 +109,11 @@ class Devices(AbstractExecutor):
     count: int
 
     def __post_init__(self):
-        there = jax.local_device_count()
-        if not 1 <= self.count <= there:
-            raise ArgumentError("count", f"must be from 1 to the {there} devices here", self.count)
+        available = jax.local_device_count()
+        if not 1 <= self.count <= available:
+            raise ArgumentError(
+                "count", f"must be from 1 to the {available} devices here", self.count
+            )
 
     def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
         """Yield the results in order of completion."""

@@ -66,8 +66,8 @@ def _products_limits(loop: AbstractLoop) -> Limits:
     xp, inertia, moments = numpy_if_known(spacecraft.inertia, spacecraft.moments)
     first, second = np.array([0, 0, 1]), np.array([1, 2, 2])
     widest = xp.sqrt(moments[first] * moments[second])
-    least, there = xp.min(moments), inertia[first, second]
-    return Limits((-widest - there) / least, (widest - there) / least)
+    least, products = xp.min(moments), inertia[first, second]
+    return Limits((-widest - products) / least, (widest - products) / least)
 
 
 def _with_constant_torque(perturbed: PerturbedLoop, torque: Values) -> PerturbedLoop:
@@ -77,8 +77,8 @@ def _with_constant_torque(perturbed: PerturbedLoop, torque: Values) -> Perturbed
 
 def _constant_torque_limits(loop: AbstractLoop) -> Limits:
     terms = [term.torque for term in parts_of(ConstantTorque, loop.plant.disturbance)]
-    there = sum(terms, as_float(np.zeros(3)))
-    return Limits(ranges.TORQUE.low - there, ranges.TORQUE.high - there)
+    nominal = sum(terms, as_float(np.zeros(3)))
+    return Limits(ranges.TORQUE.low - nominal, ranges.TORQUE.high - nominal)
 
 
 def _with_belief(perturbed: PerturbedLoop, kind: type, change: Callable) -> PerturbedLoop:

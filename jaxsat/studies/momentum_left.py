@@ -65,8 +65,8 @@ class Held:
 
         if not names:
             return _Starts(*(np.asarray(one)[None] for one in begin((), None)))
-        found = compiled_over_cases(begin, tuple(one[0] for one in drawn))(drawn)
-        return _Starts(*map(np.asarray, found))
+        starts = compiled_over_cases(begin, tuple(one[0] for one in drawn))(drawn)
+        return _Starts(*map(np.asarray, starts))
 
     @once_property
     def free(self) -> bool:
@@ -171,13 +171,13 @@ class Held:
             t, matrix = row
             attitude = DCM(matrix)
             rate = plant.orbit.frame_rate(attitude)
-            given = plant.disturbance(t, attitude, inertia)
-            return given - jnp.cross(rate, inertia @ rate)
+            disturbance = plant.disturbance(t, attitude, inertia)
+            return disturbance - jnp.cross(rate, inertia @ rate)
 
         shape = (len(matrices), len(times))
         rows = (np.tile(times, len(matrices)), np.repeat(matrices, len(times), axis=0))
-        found = compiled_over_cases(torque, (rows[0][0], rows[1][0]), inertia)(rows, inertia)
-        return np.asarray(found).reshape(*shape, 3)
+        torques = compiled_over_cases(torque, (rows[0][0], rows[1][0]), inertia)(rows, inertia)
+        return np.asarray(torques).reshape(*shape, 3)
 
 
 class _Starts(NamedTuple):

@@ -158,11 +158,11 @@ class FailureRecovery:
         """Return columns of failures and recovery, from other columns of cases and their draws."""
         cases = len(columns["code"])
         failures = self._failures(draws, cases)
-        momentum, asked = np.asarray(self.loop.plant.total_momentum(self.start)), None
+        momentum, hold = np.asarray(self.loop.plant.total_momentum(self.start)), None
         if self._attitude:
-            asked = Held(self.loop, self.start, self.duration, self.tolerances, draws)
+            hold = Held(self.loop, self.start, self.duration, self.tolerances, draws)
         gain = draws.get("torque_gain")
-        remaining = torques_left(self.loop, momentum, failures, gain, asked)
+        remaining = torques_left(self.loop, momentum, failures, gain, hold)
         codes = {
             "torques_left": remaining,
             "recovery": self._recovery({**columns, **failures}, remaining),

@@ -225,13 +225,13 @@ def _kind_names(kinds: np.ndarray) -> np.ndarray:
 
 def _in_order(kinds: np.ndarray) -> list[str]:
     """Kinds in the order of `FAILURES`, no failure last."""
-    there = sorted(set(kinds.tolist()))
+    distinct = sorted(set(kinds.tolist()))
 
     def place(kind: str) -> tuple:
         parts = [] if kind == NONE else kind.split(" + ")
         return (kind == NONE, len(parts), [FAILURES.index(part) for part in parts])
 
-    return sorted(there, key=place)
+    return sorted(distinct, key=place)
 
 
 def _of_kind(kind: str, columns: Mapping[str, np.ndarray], names: tuple[str, ...]) -> KindRecovery:

@@ -148,14 +148,14 @@ def torques_left(
     momentum: Float[np.ndarray, "3"],
     failures: Mapping[str, np.ndarray],
     gain: Float[np.ndarray, "cases m"] | None = None,
-    asked: Held | None = None,
+    hold: Held | None = None,
 ) -> Int[np.ndarray, " cases"]:
     """Return the `TorquesLeft` of every case with its `failures`, by column; equal cases share one.
 
     If failed thrusters make a constant torque, the strength of each thruster of a case counts:
     relative to the nominal one by 1 + `gain`. Otherwise the torques of the nominal loop decide:
     dispersed axes that are not quite parallel add no independent torque. `momentum` (N m s) is that
-    of body and effectors at the start. If two wheels alone remain, the tolerances in `asked` and
+    of body and effectors at the start. If two wheels alone remain, the tolerances in `hold` and
     the momentum of each case decide whether they hold the target.
     """
     parts = list(zip(loop.plant.effectors, _reaches_left(loop, failures), strict=True))
@@ -178,22 +178,22 @@ def torques_left(
         key = b"".join(part.tobytes() for part in (*one, *parts, rods.healthy[case]))
         if key not in codes_by_key:
             held = all(_holds_momentum(loop, each) for each in here)
-            found = _judge(loop, momentum, *one, here, rods.rods, rods.healthy[case])
-            codes_by_key[key] = found if held else (int(TorquesLeft.UNHELD_MOMENTUM), None)
+            verdict = _judge(loop, momentum, *one, here, rods.rods, rods.healthy[case])
+            codes_by_key[key] = verdict if held else (int(TorquesLeft.UNHELD_MOMENTUM), None)
         code, normal = codes_by_key[key]
-        if normal is not None and asked is not None:
+        if normal is not None and hold is not None:
             struck = failures["failure_kind"][case] != NEVER
             last = failures["failure_time"][case][struck].max(initial=0.0)
-            code = _by_two_wheels(asked, case, normal, last)
+            code = _by_two_wheels(hold, case, normal, last)
         codes[case] = code
     return codes
 
 
-def _by_two_wheels(asked: Held, case: int, normal: np.ndarray, last: float) -> int:
+def _by_two_wheels(hold: Held, case: int, normal: np.ndarray, last: float) -> int:
     """Code for two wheels with this `normal` after the `last` failure (s)."""
-    if asked.holds(case, normal, last):
+    if hold.holds(case, normal, last):
         return TorquesLeft.TWO_TORQUES
-    return TorquesLeft.SOME_ATTITUDES if asked.free else TorquesLeft.UNHELD_ATTITUDE
+    return TorquesLeft.SOME_ATTITUDES if hold.free else TorquesLeft.UNHELD_ATTITUDE
 
 
 def _reaches_left(loop: AbstractLoop, failures: Mapping[str, np.ndarray]) -> list[_Reaches]:

@@ -165,11 +165,11 @@ class Body:
         """Return scalars as expressions; the longest get names if all do not fit a line."""
         waiting = {x.number: x for x in scalars if isinstance(x, ir.Value)}
         while True:
-            there = [n for n in waiting if n in self._pending]
-            size = sum(len(self._pending[n][0].text) for n in there)
-            if size + 14 * (len(scalars) - len(there)) <= WIDTH or not there:
+            pending = [n for n in waiting if n in self._pending]
+            size = sum(len(self._pending[n][0].text) for n in pending)
+            if size + 14 * (len(scalars) - len(pending)) <= WIDTH or not pending:
                 break
-            longest = max(there, key=lambda n: len(self._pending[n][0].text))
+            longest = max(pending, key=lambda n: len(self._pending[n][0].text))
             if len(self._pending[longest][0].text) < 16:
                 break
             self.name(waiting[longest], self._pending.pop(longest)[0])

@@ -179,8 +179,8 @@ class _Cutter:
         """Return the name of the last result of a part for others."""
         own = self._function.parameters
         matches = [match for line in lines if (match := _SET.match(line))]
-        made = [one[2] for one in matches if one[1] in (self._work, "found") or one[2] in own]
-        return re.sub(r"_\d+$", "", made[-1]) if made else "part"
+        results = [one[2] for one in matches if one[1] in (self._work, "found") or one[2] in own]
+        return re.sub(r"_\d+$", "", results[-1]) if results else "part"
 
     def _with_calls(
         self, block: Iterable[Statement], needs: dict[int, list[str]]

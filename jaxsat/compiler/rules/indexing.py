@@ -97,11 +97,11 @@ def _reader(b: Builder, x: Elements, last: Sequence[int]) -> Callable[..., Scala
     memories: list[Memory] = []
 
     def read(starts: Sequence[Scalar], offset: Sequence[int]) -> Scalar:
-        there = tuple(
+        window = tuple(
             slice(o, o + end + 1) if isinstance(start, Value) else int(start) + o
             for start, o, end in zip(starts, offset, last, strict=True)
         )
-        part = x[there]
+        part = x[window]
         unknown = [start for start in starts if isinstance(start, Value)]
         if not unknown:
             return part

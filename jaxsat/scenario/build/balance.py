@@ -168,8 +168,8 @@ def balance_about(scenario: Scenario, normal: Float[np.ndarray, "3"]) -> Balance
     stiffness = 0.0
     if turn is not None:
         turn = np.where(np.abs(turn) < NOTHING, 0.0, turn)
-        there = Rotation.from_rotvec(turn)
-        about = (there * Rotation.from_rotvec(sign * SLIGHT * normal) for sign in (1, -1))
+        balanced = Rotation.from_rotvec(turn)
+        about = (balanced * Rotation.from_rotvec(sign * SLIGHT * normal) for sign in (1, -1))
         ahead, behind = (float(missing(one.as_rotvec())) for one in about)
         slope = (ahead - behind) / (2 * SLIGHT)
         stiffness = slope if abs(slope) > SLIGHT * NOTHING * scale else 0.0

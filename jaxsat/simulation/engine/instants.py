@@ -70,10 +70,10 @@ def until_event(
         length = jnp.clip(length, jnp.minimum(min_step, whole), whole)
         t, state = step.begin + length, ode.interpolated(step, length / whole)
         flipped = signs ^ one_hot
-        there = ode.events(flipped, t, state)
+        values = ode.events(flipped, t, state)
         # a function that jumps with the piece may change its sign
-        now = jnp.where(one_hot, flipped, there > 0)
-        return StepEnd(length, state, ode.rate(now)(t, state), now, there)
+        now = jnp.where(one_hot, flipped, values > 0)
+        return StepEnd(length, state, ode.rate(now)(t, state), now, values)
 
     return ode.cold_branch(crosses, at_event, end)
 

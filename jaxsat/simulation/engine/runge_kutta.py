@@ -68,8 +68,8 @@ def explicit_step(
     nodes = [0.0, *tableau.c]
     rates: dict[int, Array] = {}
     for stage in sorted(_needed_stages(tableau)):
-        there = restore(_combine(flat, step, rows[stage], rates))
-        rates[stage] = ravel_pytree(rate(t + nodes[stage] * step, there))[0]
+        stage_state = restore(_combine(flat, step, rows[stage], rates))
+        rates[stage] = ravel_pytree(rate(t + nodes[stage] * step, stage_state))[0]
     return restore(_combine(flat, step, tableau.b_sol, rates))
 
 

@@ -220,8 +220,8 @@ def _exact(
     up = _vectors(east * c - north * s * ci, north * c + east * s * ci, s * si)
     forward = _vectors(-east * s - north * c * ci, -north * s + east * c * ci, c * si)
     normal = _vectors(north * si, -east * si, ci)
-    there = igrf_field(radius * up, coefficients)
-    return np.stack([np.sum(there * axis, axis=-1) for axis in (forward, -normal, -up)], axis=-1)
+    field = igrf_field(radius * up, coefficients)
+    return np.stack([np.sum(field * axis, axis=-1) for axis in (forward, -normal, -up)], axis=-1)
 
 
 def _vectors(*parts: Any) -> Float[np.ndarray, "phases turns 3"]:

@@ -79,8 +79,8 @@ def rare_event(
         flights = Flights(study, table.id, folder, execution.executor, tell)
         splitting = Splitting(space_of(study), flights.margins, cases, scenario.simulation.seed)
         levels, reached = splitting.pilot(least)
-        found = splitting.replicate(levels, replications)
-        estimate = _Estimate(scenario, table, settings, levels, reached, found)
+        samples = splitting.replicate(levels, replications)
+        estimate = _Estimate(scenario, table, settings, levels, reached, samples)
         everything = flights.together()
         if excess := _excess(everything, scenario):
             listener.warn(excess)
@@ -106,9 +106,9 @@ def flown_again(
     if marker is None or marker.kind != KIND:
         raise OutputError(f"{out} holds no estimate of a rare event; give the folder of one.")
     scenario, study = _refined(scenario, execution, listener)
-    there = {key: marker.about["identity"].get(key) for key in ("scenario", "engine", "program")}
-    here = json.loads(json.dumps(_identity(scenario, study)))
-    if other := where_other(there, {key: here[key] for key in there}):
+    stored = {key: marker.about["identity"].get(key) for key in ("scenario", "engine", "program")}
+    current = json.loads(json.dumps(_identity(scenario, study)))
+    if other := where_other(stored, {key: current[key] for key in stored}):
         raise OutputError(f"{out} holds an estimate of another scenario ({'; '.join(other)}).")
     with ResumableFolder(out, KIND, {}) as folder:
         points, noise = listed_flights(folder)
@@ -188,17 +188,17 @@ class _Estimate:
     settings: EstimateSettings
     levels: list[Level]
     reached: bool
-    found: Replications
+    samples: Replications
 
     @property
     def violations(self) -> Violations:
-        return Violations.of(self.found)
+        return Violations.of(self.samples)
 
     def result(self, study: Study, flights: Batch, folder: str) -> RareEvent:
         """Evaluate the estimate, whose flights are in `folder`."""
         violations = self.violations
         doubts = doubts_of(
-            self.found, self.levels, self.reached, space_of(study), flights, violations
+            self.samples, self.levels, self.reached, space_of(study), flights, violations
         )
         margins = flights["margin"][violations.number]
         worst = None
@@ -214,13 +214,13 @@ class _Estimate:
             self.table.text or self.table.formula,
             self.settings,
             self._probability(),
-            self.found.probabilities.tolist(),
+            self.samples.probabilities.tolist(),
             len(flights["margin"]),
             len(violations.number),
             len(np.unique(violations.root)),
             doubts,
             list(self._levels()),
-            differences(flights, self.found.draws, violations),
+            differences(flights, self.samples.draws, violations),
             worst,
             margin,
             unit,
@@ -229,22 +229,22 @@ class _Estimate:
 
     def _probability(self) -> Interval:
         """Return mean and interval; without violations its upper end is that of the last level."""
-        probability = interval_of(self.found.probabilities, self.settings.confidence)
+        probability = interval_of(self.samples.probabilities, self.settings.confidence)
         if probability.value > 0:
             return probability
         if self.levels:
-            high = interval_of(self.found.of_last, self.settings.confidence).high
+            high = interval_of(self.samples.of_last, self.settings.confidence).high
         else:
-            count = len(self.found.draws)
+            count = len(self.samples.draws)
             high = 1 - ((1 - self.settings.confidence) / 2) ** (1 / count)
         return probability._replace(high=min(1.0, high))
 
     def _levels(self) -> Iterator[LevelRow]:
         """Yield the levels with their probabilities, the last with margin zero."""
         size = _unit(self.table)[1]
-        fractions = self.found.fractions
+        fractions = self.samples.fractions
         probabilities = np.cumprod(fractions, axis=1).mean(axis=0)
-        by_margin = {one.margin: one for one in self.found.levels}
+        by_margin = {one.margin: one for one in self.samples.levels}
         margins = [*(one.margin for one in self.levels), 0.0]
         for place, margin in enumerate(margins):
             level = by_margin.get(margin) if place < len(self.levels) else None

@@ -169,9 +169,9 @@ class Kernel:
                 for piece in range(0, len(numbers), WATCHED):
                     if stopped.is_set():
                         return
-                    there = numbers[piece : piece + WATCHED]
-                    driver_arguments = (places.ctypes.data, there.ctypes.data, _address(advance))
-                    history(*where, *driver_arguments, len(there), count, begins[piece])
+                    watched = numbers[piece : piece + WATCHED]
+                    driver_arguments = (places.ctypes.data, watched.ctypes.data, _address(advance))
+                    history(*where, *driver_arguments, len(watched), count, begins[piece])
                 finish(*where, 0, numbers[-1])
 
         in_own_thread(work)
