@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jaxtyping import Array, Float
-from scipy.spatial.transform import Rotation
 
 from helpers.thruster_layouts import allocated, pairs, thruster_set
 from jaxsat.control.sampled import AbstractSampledController
@@ -112,19 +111,6 @@ def test_wheels_come_to_rest_and_to_their_limits_at_their_true_instants(rotor, v
 
 
 @pytest.mark.slow
-def test_total_momentum_stays_through_rest_and_limits():
-    loop = SampledLoop(body(), Waves(PERIOD), SHARED, 4)
-    found = flown(loop).signals
-    q = np.roll(np.asarray(found.quaternion), -1, axis=1)
-    momentum = (
-        np.asarray(found.omega) @ INERTIA + np.asarray(found.parts["wheel_momentum"]) @ AXES.T
-    )
-    momentum = Rotation.from_quat(q).apply(momentum)
-    size = np.linalg.norm(momentum[0])
-    assert np.abs(momentum - momentum[0]).max() < 1e-12 * size
-
-
-@pytest.mark.slow
 def test_a_delay_shifts_what_wheels_are_asked():
     """Half a period late is the run whose commands change in the middle of each period."""
     loop = SampledLoop(body(), Waves(PERIOD), SHARED, 4, delay=PERIOD / 2)
@@ -138,15 +124,15 @@ def test_a_delay_shifts_what_wheels_are_asked():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("delay", [None, 0.2])
-def test_wheels_beside_pulses_move_as_beside_held_torques(delay):
-    """A wheel about x and a throttle, which is the same torque held, for the rest."""
+def test_wheels_beside_pulses_move_as_beside_held_torques():
+    """A wheel about x and a throttle, which is the same torque held, for the rest; all late."""
+    delay = 0.2
     torque, axis = pairs(), np.array([[1.0], [0.0], [0.0]])
     wheels = Wheels(axis, 0.1, 0.12, coulomb_friction=0.02)
     plant = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0))
     held = Actuators.of(Thrusters(np.eye(3)), torques=3)
     throttle = PulsedThrusters(
-        thruster_set(torque, 0.0), allocated(torque), IdealThrottle(), late=delay is not None
+        thruster_set(torque, 0.0), allocated(torque), IdealThrottle(), late=True
     )
     shared = WheelsFirst.of(axis, 3, 0.1, others=True)
     begin = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA, (None, WheelMomenta([0.05])))

@@ -108,6 +108,6 @@ def test_the_three_slews_settle_on_estimates():
     """Random tumbles, dispersed and disturbed as the laws are compared."""
     perfect = ["sampling.rate_noise_rad_s=0", "sampling.attitude_noise_rad=0"]
     scenario = load("acceptance-mc", ["simulation.duration_s=300", *perfect, *SENSORS])
-    outputs = build_study(scenario, 64, engine="native").evaluate(np.arange(64))
+    outputs = build_study(scenario, 32, engine="native").evaluate(np.arange(32))
     assert np.all(outputs.code == 0)
     assert np.all(outputs.settling_time < 200)

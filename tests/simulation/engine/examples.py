@@ -37,23 +37,21 @@ from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
 from jaxsat.spacecraft.sensors import Sensors
 
 
-def agreed(program, cases, period, apart, scanned=False):
+def agreed(program, cases, period, apart):
     """What the native engine gives of a sampled loop once diffrax agrees with it.
 
     Two cases differ by `apart` (rad/s) at least, and a case alone keeps its bits. The
     method has few stages: engines that take the same steps agree whatever its order.
-    Machine code is made of the steps that the scanned engine takes: it need not agree as well,
-    unless `scanned` asks for it.
+    Machine code is made of the steps that the scanned engine takes: it need not agree as well.
     """
     stepper = SampledStepper(diffrax.Bosh3())
     engine, count = NativeEngine(stepper), len(jax.tree.leaves(cases)[0])
     found = engine.evaluate(program, cases)
     reference = ReferenceEngine(fixed(period, diffrax.Bosh3()), batch_size=count)
-    for other in (reference, *([ScanEngine(stepper, count)] if scanned else [])):
-        expected = other.evaluate(program, cases)
-        np.testing.assert_allclose(found.omega, expected.omega, atol=1e-12)
-        np.testing.assert_allclose(found.quaternion, expected.quaternion, atol=1e-12)
-        np.testing.assert_allclose(found.effort, expected.effort, rtol=1e-9)
+    expected = reference.evaluate(program, cases)
+    np.testing.assert_allclose(found.omega, expected.omega, atol=1e-12)
+    np.testing.assert_allclose(found.quaternion, expected.quaternion, atol=1e-12)
+    np.testing.assert_allclose(found.effort, expected.effort, rtol=1e-9)
     differences = np.abs(found.omega[:, None] - found.omega[None]).max(axis=2)
     assert (differences + np.eye(count)).min() > apart
     for one in (0, count - 1):
