@@ -3,7 +3,7 @@
 import ctypes
 from collections.abc import Sequence
 
-from jaxsat.compiler.llvm.emitter import ALIGNMENT
+from jaxsat.compiler.llvm.emitter import ALIGNMENT, extract, insert, vector_of
 from jaxsat.core.package_files import template
 
 RUN = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 4)
@@ -59,15 +59,15 @@ def _assigned(lane: int) -> str:
 
 def gather_text(name: str, kind: str, lanes: int) -> str:
     """Return `gather(base, index)`: every lane's own element of an array."""
-    cells = f"<{lanes} x {kind}>"
-    lines = [f"define internal {cells} {name}(ptr %base, <{lanes} x i64> %index) noinline #0 {{"]
+    cells, indices = vector_of(kind, lanes), vector_of("i64", lanes)
+    lines = [f"define internal {cells} {name}(ptr %base, {indices} %index) noinline #0 {{"]
     whole = "poison"
     for lane in range(lanes):
         lines += [
-            f"%i{lane} = extractelement <{lanes} x i64> %index, i64 {lane}",
+            f"%i{lane} = {extract('i64', lanes, '%index', lane)}",
             f"%p{lane} = getelementptr {kind}, ptr %base, i64 %i{lane}",
             f"%x{lane} = load {kind}, ptr %p{lane}",
-            f"%w{lane} = insertelement {cells} {whole}, {kind} %x{lane}, i64 {lane}",
+            f"%w{lane} = {insert(kind, lanes, whole, f'%x{lane}', lane)}",
         ]
         whole = f"%w{lane}"
     return "\n".join([*lines, f"ret {cells} {whole}", "}"])
@@ -75,19 +75,19 @@ def gather_text(name: str, kind: str, lanes: int) -> str:
 
 def scatter_text(name: str, kind: str, lanes: int) -> str:
     """Return `scatter(base, index, value, lane)`: stores of the selected lanes into an array."""
-    cells = f"<{lanes} x {kind}>"
+    cells, indices, chosen = (vector_of(one, lanes) for one in (kind, "i64", "i1"))
     lines = [
-        f"define internal void {name}(ptr %base, <{lanes} x i64> %index, {cells} %value, "
-        f"<{lanes} x i1> %lane) noinline #0 {{"
+        f"define internal void {name}(ptr %base, {indices} %index, {cells} %value, "
+        f"{chosen} %lane) noinline #0 {{"
     ]
     for lane in range(lanes):
         lines += [
-            f"%b{lane} = extractelement <{lanes} x i1> %lane, i64 {lane}",
+            f"%b{lane} = {extract('i1', lanes, '%lane', lane)}",
             f"br i1 %b{lane}, label %put{lane}, label %next{lane}",
             f"put{lane}:",
-            f"%i{lane} = extractelement <{lanes} x i64> %index, i64 {lane}",
+            f"%i{lane} = {extract('i64', lanes, '%index', lane)}",
             f"%p{lane} = getelementptr {kind}, ptr %base, i64 %i{lane}",
-            f"%x{lane} = extractelement {cells} %value, i64 {lane}",
+            f"%x{lane} = {extract(kind, lanes, '%value', lane)}",
             f"store {kind} %x{lane}, ptr %p{lane}",
             f"br label %next{lane}",
             f"next{lane}:",
@@ -100,4 +100,6 @@ def copy_text(name: str, kind: str, lanes: int) -> str:
 
     It calls `gather`; vectors are `ALIGNMENT` bytes apart, and lanes not selected keep theirs.
     """
-    return _text("copy.ll", LANES=lanes, NAME=name, KIND=kind, ALIGNMENT=ALIGNMENT)
+    cells, indices, chosen = (vector_of(one, lanes) for one in (kind, "i64", "i1"))
+    types = {"KIND": kind, "CELLS": cells, "INDICES": indices, "CHOSEN": chosen}
+    return _text("copy.ll", NAME=name, ALIGNMENT=ALIGNMENT, **types)

@@ -22,10 +22,37 @@ def scalar_type(dtype: np.dtype) -> str:
     return TYPES[dtype.name]
 
 
+def vector_of(kind: str, lanes: int) -> str:
+    """Return the type of a scalar of this type in every lane.
+
+    One lane is a scalar: LLVM would take a sixth longer to make it one itself.
+    """
+    return kind if lanes == 1 else f"<{lanes} x {kind}>"
+
+
 @once
 def vector_type(dtype: np.dtype, lanes: int) -> str:
     """Return the type of a number in every lane."""
-    return f"<{lanes} x {scalar_type(dtype)}>"
+    return vector_of(scalar_type(dtype), lanes)
+
+
+def splat(typed: str, lanes: int) -> str:
+    """Return a constant, given with its type before it, in every lane."""
+    return typed.split(" ", 1)[1] if lanes == 1 else f"splat ({typed})"
+
+
+def extract(kind: str, lanes: int, vector: str, lane: int) -> str:
+    """Return the instruction that takes the number of a lane out of a vector."""
+    if lanes == 1:
+        return f"bitcast {kind} {vector} to {kind}"
+    return f"extractelement {vector_of(kind, lanes)} {vector}, i64 {lane}"
+
+
+def insert(kind: str, lanes: int, vector: str, number: str, lane: int) -> str:
+    """Return the instruction that puts a number into a lane of a vector."""
+    if lanes == 1:
+        return f"bitcast {kind} {number} to {kind}"
+    return f"insertelement {vector_of(kind, lanes)} {vector}, {kind} {number}, i64 {lane}"
 
 
 def type_of(x, lanes: int) -> str:
@@ -63,7 +90,7 @@ def suffix(dtype: np.dtype, lanes: int | None) -> str:
     """Return the suffix of an intrinsic function's name: v16f64 or f64."""
     kind = "f" if dtype.kind == "f" else "i"
     bits = 1 if dtype.kind == "b" else dtype.itemsize * 8
-    return f"{kind}{bits}" if lanes is None else f"v{lanes}{kind}{bits}"
+    return f"{kind}{bits}" if lanes in (None, 1) else f"v{lanes}{kind}{bits}"
 
 
 COLD = "!0"
@@ -211,8 +238,8 @@ class AbstractEmitter(abc.ABC):
         if not isinstance(x, Value):
             if not varying:
                 return constant(x)
-            return f"splat ({scalar_type(x.dtype)} {constant(x)})"
-        if not varying or not x.uniform:
+            return splat(f"{scalar_type(x.dtype)} {constant(x)}", self.module.lanes)
+        if not varying or not x.uniform or self.module.lanes == 1:
             return self.name(x)
         for names in reversed(self.spread):
             if x.number in names:
@@ -220,7 +247,7 @@ class AbstractEmitter(abc.ABC):
         wide = vector_type(x.dtype, self.module.lanes)
         one, all_ = self.fresh(), self.fresh()
         kind = scalar_type(x.dtype)
-        self.line(f"{one} = insertelement {wide} poison, {kind} {self.name(x)}, i64 0")
+        self.line(f"{one} = {insert(kind, self.module.lanes, 'poison', self.name(x), 0)}")
         self.line(
             f"{all_} = shufflevector {wide} {one}, {wide} poison, "
             f"<{self.module.lanes} x i32> zeroinitializer"
@@ -264,7 +291,7 @@ class AbstractEmitter(abc.ABC):
     def address(self, memory: Memory, index: Scalar) -> str:
         """Return the address of an element of a memory, by a uniform index."""
         place, kind = self.fresh("p"), memory_type(memory.dtype)
-        cell = kind if memory.uniform else f"<{self.module.lanes} x {kind}>"
+        cell = kind if memory.uniform else vector_of(kind, self.module.lanes)
         typed = f"{scalar_type(index.dtype)} {self.operand(index)}"
         self.line(f"{place} = getelementptr {cell}, ptr {self.memory(memory)}, {typed}")
         return place
@@ -273,7 +300,7 @@ class AbstractEmitter(abc.ABC):
         """Write a value to memory."""
         kind = self.kind(dtype, wide)
         if dtype.kind == "b":
-            byte, small = self.fresh(), f"<{self.module.lanes} x i8>" if wide else "i8"
+            byte, small = self.fresh(), vector_of("i8", self.module.lanes if wide else 1)
             self.line(f"{byte} = zext {kind} {value} to {small}")
             kind, value = small, byte
         self.line(f"store {kind} {value}, ptr {place}")
@@ -282,9 +309,8 @@ class AbstractEmitter(abc.ABC):
         """Read a value from memory."""
         kind = self.kind(dtype, wide)
         if dtype.kind == "b":
-            byte, small = self.fresh(), f"<{self.module.lanes} x i8>" if wide else "i8"
+            byte, small = self.fresh(), vector_of("i8", self.module.lanes if wide else 1)
             self.line(f"{byte} = load {small}, ptr {place}")
-            self.line(f"{out} = icmp ne {small} {byte}, zeroinitializer" if wide
-                      else f"{out} = icmp ne i8 {byte}, 0")  # fmt: skip
+            self.line(f"{out} = icmp ne {small} {byte}, zeroinitializer")
         else:
             self.line(f"{out} = load {kind}, ptr {place}")

@@ -23,7 +23,9 @@ from jaxsat.compiler.llvm.emitter import (
     Module,
     memory_type,
     scalar_type,
+    splat,
     suffix,
+    vector_of,
     vector_type,
 )
 from jaxsat.compiler.llvm.function_emitter import FunctionEmitter
@@ -41,6 +43,7 @@ from jaxsat.compiler.llvm.locations import (
 )
 from jaxsat.compiler.lowering import bugs_in
 from jaxsat.compiler.passes.dead_code import DeadCodeElimination, dependencies, reachable
+from jaxsat.compiler.passes.parts import with_parts
 from jaxsat.compiler.passes.scheduling import merge_cold_branches, move_invariants, schedule
 
 
@@ -74,11 +77,13 @@ class EntryPoint:
 
     @bugs_in("optimisation")
     def optimised(self) -> "EntryPoint":
-        """Without dead code, invariants before loops, cold branches merged, steps scheduled."""
+        """Without dead code, invariants before loops, cold branches merged, steps scheduled, and
+        long loops and switches as functions."""
         elimination = DeadCodeElimination(self.function.block, self.function.results)
         move_invariants(self.function.block)
         merge_cold_branches(self.function.block)
         schedule(self.function.block, self.function.results)
+        with_parts(self.function)
         keep = [param.number in elimination.live for param in self.function.params]
         function = replace(self.function, params=list(compress(self.function.params, keep)))
         return EntryPoint(function, list(compress(self.inputs, keep)), self.outputs)
@@ -180,9 +185,10 @@ class _EntryPointEmitter(FunctionEmitter):
     def __init__(self, module: Module, known: Mapping[int, Known]):
         super().__init__(module, known)
         lanes = module.lanes
-        self.line(f"%number = load <{lanes} x i64>, ptr %cases, align 64")
-        self.line(f"%bytes = load <{lanes} x i8>, ptr %wanted, align 1")
-        self.line(f"%lane = icmp ne <{lanes} x i8> %bytes, zeroinitializer")
+        bytes_ = vector_of("i8", lanes)
+        self.line(f"%number = load {vector_of('i64', lanes)}, ptr %cases, align 64")
+        self.line(f"%bytes = load {bytes_}, ptr %wanted, align 1")
+        self.line(f"%lane = icmp ne {bytes_} %bytes, zeroinitializer")
 
     def read(self, param: ir.Value, location: Location) -> None:
         """Give a parameter its value, now or where it is needed."""
@@ -198,11 +204,11 @@ class _EntryPointEmitter(FunctionEmitter):
 
     def _gather(self, out: str, dtype: np.dtype, location: PerCase) -> None:
         lanes, kind = self.module.lanes, memory_type(dtype)
-        cells, name = f"<{lanes} x {kind}>", f"@gather.{kind}"
+        cells, name = vector_of(kind, lanes), f"@gather.{kind}"
         index, base = self._indices(location), array_pointer(self, location.array)
         self.module.functions.setdefault(name, gather_text(name, kind, lanes))
         cell = out if dtype.kind != "b" else self.fresh()
-        self.line(f"{cell} = call {cells} {name}(ptr {base}, <{lanes} x i64> {index})")
+        self.line(f"{cell} = call {cells} {name}(ptr {base}, {vector_of('i64', lanes)} {index})")
         if dtype.kind == "b":
             self.line(f"{out} = icmp ne {cells} {cell}, zeroinitializer")
 
@@ -215,20 +221,20 @@ class _EntryPointEmitter(FunctionEmitter):
         where = self.fresh("p")
         self.line(f"{where} = getelementptr i8, ptr %state, i64 {slot.offset}")
         self.line(
-            f"call void {name}(ptr {base}, <{lanes} x i64> {index}, ptr {where}, i64 {count}, "
-            f"<{lanes} x i1> %lane)"
+            f"call void {name}(ptr {base}, {vector_of('i64', lanes)} {index}, ptr {where}, "
+            f"i64 {count}, {vector_of('i1', lanes)} %lane)"
         )
 
     def _indices(self, location: PerCase) -> str:
-        wide = f"<{self.module.lanes} x i64>"
+        lanes, wide = self.module.lanes, vector_of("i64", self.module.lanes)
         scaled, moved = self.fresh(), self.fresh()
-        self.line(f"{scaled} = mul {wide} %number, splat (i64 {location.size})")
-        self.line(f"{moved} = add {wide} {scaled}, splat (i64 {location.element})")
+        self.line(f"{scaled} = mul {wide} %number, {splat(f'i64 {location.size}', lanes)}")
+        self.line(f"{moved} = add {wide} {scaled}, {splat(f'i64 {location.element}', lanes)}")
         return moved
 
     def _lanes(self, conditions: Sequence[ir.Scalar]) -> str:
         """The selected lanes in which conditions hold."""
-        mask, bits = "%lane", f"<{self.module.lanes} x i1>"
+        mask, bits = "%lane", vector_of("i1", self.module.lanes)
         for condition in conditions:
 
             def both(out: str, mask: str = mask, condition: ir.Scalar = condition) -> None:
@@ -248,20 +254,20 @@ class _EntryPointEmitter(FunctionEmitter):
             if location.uniform:
                 self.put(where, self.operand(result), dtype, False)
                 return
-            self._put_some(where, result, f"<{lanes} x i1> {self._lanes(conditions)}")
+            self._put_some(where, result, f"{vector_of('i1', lanes)} {self._lanes(conditions)}")
             return
         assert isinstance(location, PerCase)
         kind = memory_type(dtype)
         value, name = self.operand(result, True), f"@scatter.{kind}"
         if dtype.kind == "b":
             byte = self.fresh()
-            self.line(f"{byte} = zext {wide} {value} to <{lanes} x i8>")
+            self.line(f"{byte} = zext {wide} {value} to {vector_of('i8', lanes)}")
             value = byte
         index, base = self._indices(location), array_pointer(self, location.array)
         self.module.functions.setdefault(name, scatter_text(name, kind, lanes))
         self.line(
-            f"call void {name}(ptr {base}, <{lanes} x i64> {index}, "
-            f"<{lanes} x {kind}> {value}, <{lanes} x i1> %lane)"
+            f"call void {name}(ptr {base}, {vector_of('i64', lanes)} {index}, "
+            f"{vector_of(kind, lanes)} {value}, {vector_of('i1', lanes)} %lane)"
         )
 
     def _put_some(self, where: str, result: ir.Scalar, lane: str) -> None:
@@ -271,7 +277,7 @@ class _EntryPointEmitter(FunctionEmitter):
         value = f"{wide} {self.operand(result, True)}"
         if self.module.masks and lanes > 1 and dtype.itemsize == 8:  # LLVM makes a jump of one lane
             name = f"@llvm.masked.store.{suffix(dtype, lanes)}.p0"
-            kinds = f"{wide}, ptr, i32, <{lanes} x i1>"
+            kinds = f"{wide}, ptr, i32, {vector_of('i1', lanes)}"
             self.module.declarations.add(f"declare void {name}({kinds})")
             self.line(f"call void {name}({value}, ptr {where}, i32 64, {lane})")
             return

@@ -17,11 +17,13 @@ from jaxsat.compiler.llvm.emitter import (
     Module,
     constant,
     conversion,
+    extract,
+    insert,
     memory_type,
     scalar_type,
     suffix,
     type_of,
-    vector_type,
+    vector_of,
 )
 from jaxsat.compiler.llvm.locations import CONTEXT, Known, rematerialise
 from jaxsat.compiler.operations import OPERATIONS
@@ -194,7 +196,9 @@ class FunctionEmitter(AbstractEmitter):
     def _any(self, out: str, predicate: ir.Scalar) -> None:
         lanes = self.module.lanes
         bits = self.fresh()
-        self.line(f"{bits} = bitcast <{lanes} x i1> {self.operand(predicate)} to i{lanes}")
+        self.line(
+            f"{bits} = bitcast {vector_of('i1', lanes)} {self.operand(predicate)} to i{lanes}"
+        )
         self.line(f"{out} = icmp ne i{lanes} {bits}, 0")
 
     def _convert(self, out: str, x: str, old: np.dtype, new: np.dtype, wide: bool) -> None:
@@ -298,17 +302,17 @@ class FunctionEmitter(AbstractEmitter):
         """Load every lane's own element, lane by lane."""
         memory, lanes = step.memory, self.module.lanes
         index, kind = self.operand(step.index), memory_type(memory.dtype)
-        wide, base = vector_type(step.index.dtype, lanes), self.memory(memory)
-        number, cells, whole = scalar_type(step.index.dtype), f"<{lanes} x {kind}>", "poison"
+        number, base = scalar_type(step.index.dtype), self.memory(memory)
+        cells, whole = vector_of(kind, lanes), "poison"
         for lane in range(lanes):
             i, place, one, more = self.fresh(), self.fresh("p"), self.fresh(), self.fresh()
-            self.line(f"{i} = extractelement {wide} {index}, i64 {lane}")
-            if memory.uniform:
+            self.line(f"{i} = {extract(number, lanes, index, lane)}")
+            if memory.uniform or lanes == 1:
                 self.line(f"{place} = getelementptr {kind}, ptr {base}, {number} {i}")
             else:
                 self.line(f"{place} = getelementptr {cells}, ptr {base}, {number} {i}, i64 {lane}")
             self.line(f"{one} = load {kind}, ptr {place}")
-            self.line(f"{more} = insertelement {cells} {whole}, {kind} {one}, i64 {lane}")
+            self.line(f"{more} = {insert(kind, lanes, whole, one, lane)}")
             whole = more
         out = self.name(step.out)
         if memory.dtype.kind == "b":
