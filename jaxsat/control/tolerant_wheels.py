@@ -26,6 +26,7 @@ from jaxsat.control.wheel_allocation import WheelAllocation, Wheeled
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import DCM, Quaternion
 from jaxsat.core.checks import not_negative
+from jaxsat.core.declaration.three_torques import FULL
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import Reach
 
@@ -38,9 +39,8 @@ ROOM = 0.5
 """Least time for which a wheel can make its allocated torque before its momentum comes to the
 limit, over the inverse natural frequency."""
 
-FULL, EMPTY = 0.7, 0.2
-"""Momentum over the limit of a wheel above which thrusters begin to unload it, and below which they
-end."""
+EMPTY = 0.2
+"""Momentum over the limit of a wheel below which thrusters end to unload it."""
 
 REACTION = 0.5
 """Largest torque of a wheel against thrusters that unload it, over its limit."""

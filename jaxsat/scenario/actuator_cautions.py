@@ -8,12 +8,13 @@ import numpy as np
 from jaxsat.core.allocation import unit_columns
 from jaxsat.core.declaration.actuators import STEERED
 from jaxsat.core.declaration.magnetorquers import MAGNETORQUER
+from jaxsat.core.declaration.three_torques import FULL
 from jaxsat.scenario.control import is_plugin
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.holding import rotation
 from jaxsat.scenario.idle_actuators import idle_actuators
 from jaxsat.scenario.parts.torque_makers import TorqueMakers, wheel_axes, working_torques
-from jaxsat.scenario.pulse_cautions import pulse_cautions
+from jaxsat.scenario.pulse_cautions import PLANE, coarse_unloading, pulse_cautions
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import InitialTable, working_axes
@@ -100,7 +101,8 @@ def _wheels_for_a_part(scenario: Scenario) -> Iterator[Issue]:
 
 
 def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
-    """Yield a caution if wheels cannot hold the momentum of body and wheels at the target attitude.
+    """Yield a caution if wheels cannot hold the momentum of body and wheels at the target attitude,
+    or if thrusters take it out by pulses that are too coarse.
 
     The only external torque counted is the constant one. With magnetorquers, which unload over
     time, only the momentum at the start counts; gyros store some themselves.
@@ -114,8 +116,9 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
         or not makers.law.regulates_attitude
     ):
         return
-    if makers.relieved or (makers.law.torques and not makers.wheels_make_all):
-        return  # thrusters unload or share the torque
+    relieved = makers.relieved and np.linalg.matrix_rank(makers.axes, tol=PLANE) == 3
+    if not relieved and (makers.relieved or (makers.law.torques and not makers.wheels_make_all)):
+        return  # thrusters share the torque
     axes, limit = makers.axes, np.array(limits)
     times, momenta = _momenta_to_hold(scenario)
     if scenario.magnetorquer:
@@ -124,7 +127,9 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
     shares = np.array([share for share, _ in loads])
     worst = int(np.argmax(shares))
     most = shares[worst]
-    if most <= 1 + ROUNDING:
+    if relieved and most > FULL:
+        yield from coarse_unloading(scenario, momenta[worst])
+    if relieved or most <= 1 + ROUNDING:
         return
     remark = ""
     if shares[0] <= 1:  # the external torque or the rotation of the orbit frame is the cause

@@ -99,6 +99,21 @@ def _coarse_pulses(scenario: Scenario) -> Iterator[Issue]:
     yield from _left_rate(scenario, pushes[worst], steps[worst] / 2)
 
 
+def coarse_unloading(scenario: Scenario, momentum: np.ndarray) -> Iterator[Issue]:
+    """Yield a caution if each pulse that takes momentum (body axes) out of wheels leaves a rate, or
+    a turn in a period, beyond the tolerance."""
+    kind = modulation_kind(scenario.modulation or ModulationTable(), scenario.thruster)
+    if kind == "ideal" or is_plugin(scenario.control.law):
+        return
+    torque, pushes = TorqueMakers.of(scenario).pushes, _pushes(scenario)
+    inverse = np.linalg.inv(inertia_matrix(scenario.spacecraft.inertia_kg_m2))
+    steps = np.linalg.norm(inverse @ torque, axis=0) * [one.shortest for one in pushes]
+    steps = np.where(momentum @ torque < 0, steps, np.inf)
+    finest = int(steps.argmin())
+    if np.isfinite(steps[finest]):
+        yield from _left_rate(scenario, pushes[finest], steps[finest] / 2)
+
+
 def _left_rate(scenario: Scenario, push: "_Push", half: float) -> Iterator[Issue]:
     """Yield a caution if half of what the pulse changes (rad/s) is beyond the tolerance."""
     settled = scenario.settled

@@ -6,13 +6,11 @@ from jaxtyping import Array, Float
 
 from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.core.checks import as_float, positive
+from jaxsat.core.declaration.three_torques import FULL
 from jaxsat.spacecraft.allocation import allocate_unloading
 from jaxsat.spacecraft.effector import Reach
 
 OfEach = Float[Array, " wheels"]
-
-FULL = 0.7
-"""Fraction of a wheel's momentum limit beyond which thrusters unload it."""
 
 REACTION = 0.5
 """Fraction of a wheel's torque limit that unloads it at its momentum limit."""

@@ -8,10 +8,11 @@ from scipy.optimize import linprog
 
 from helpers.basilisk import basilisk
 from helpers.tools import needs
+from jaxsat.core.declaration.three_torques import FULL
 from jaxsat.spacecraft.allocation import allocate
 from jaxsat.spacecraft.distribution import WheelsFirst
 from jaxsat.spacecraft.effector import Reach
-from jaxsat.spacecraft.relief import FULL, Relief
+from jaxsat.spacecraft.relief import Relief
 
 pytestmark = [
     pytest.mark.slow,

@@ -337,6 +337,23 @@ def test_pulses_too_coarse_to_settle_are_told(wheels, inertia, part):
         assert all(f"should be at most {largest:.4g} s" in one for one in texts)
 
 
+@pytest.mark.parametrize(("torque", "told_of"), [(0.02, True), (0.005, False)])
+def test_pulses_that_unload_three_wheels_too_coarsely_are_told(torque, told_of):
+    """In 1000 s the torque fills the wheel about y beyond 70 % of its limit, or does not."""
+    jets = f"thruster=[{', '.join(JETS)}]".replace("0.01", "10.0")
+    axes = ", ".join(f"{{axis={one}, momentum_limit_N_m_s=20}}" for one in np.eye(3).tolist())
+    own = "spacecraft.inertia_kg_m2=[420,380,250]", f"wheel=[{axes}]", "simulation.duration_s=1000"
+    still = "initial.quaternion=[1,0,0,0]", "initial.omega_rad_s=[0,0,0]"
+    pushed = f"disturbance={{constant_N_m=[0,{-torque},0]}}"
+    largest = 1e-3 * 2 * 380 / 10
+    for factor in (0.9, 1.1):
+        coarse = jets.replace("0.02}", f"{factor * largest}}}")
+        texts = told("wheels-fail", *own, *still, pushed, coarse, *OWN)[0]
+        texts = [one for one in texts if "not count as settled" in one]
+        assert len(texts) == (told_of and factor > 1)
+        assert all(f"should be at most {largest:.4g} s" in one for one in texts)
+
+
 def test_pulses_too_coarse_for_the_band_about_the_third_axis_are_told():
     """Four thrusters of 1 N m or less about x, of 960 kg m²: half a step over 0.1 ω is the band."""
     force = np.cross([-1.5, 0.85, 0.85], np.array([1.0, -0.045, 0.045]))

@@ -9,6 +9,9 @@ from jaxsat.core.declaration.law import LawDeclaration, control_period
 CALM = 0.1
 """Rate, over third-axis band times natural frequency, that begins to leave an error alone."""
 
+FULL = 0.7
+"""Fraction of a wheel's momentum limit beyond which thrusters unload it."""
+
 QUATERNION_FEEDBACK = LawDeclaration(
     summary="quaternion feedback with torques about all three axes",
     keys=(
