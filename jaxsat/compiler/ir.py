@@ -4,7 +4,7 @@ Every lane of a vector register carries one trajectory. A value is *uniform* whe
 all lanes by construction, and then it is computed once, as a scalar; otherwise it is *varying*.
 Constants are NumPy scalars and no values at all. A program is a block of operations in order, in
 which loops, switches and calls hold blocks of their own. `interpreter` runs it in NumPy, `llvm`
-prints it as LLVM code; nothing else is known of it.
+prints it as LLVM code.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -20,7 +20,7 @@ _numbers = count()
 
 
 class NativeBug(JaxsatError):
-    """The compiled engine itself broke down, which no program must bring about."""
+    """Breakdown of the compiled engine itself: a bug, whatever the program."""
 
     def __init__(self, where: str, what: object):
         super().__init__(
@@ -30,7 +30,7 @@ class NativeBug(JaxsatError):
 
 
 class Value:
-    """One scalar in every lane (or, uniform, one for all), known only when the program runs."""
+    """Scalar computed at run time: one per lane or, if uniform, one for all lanes."""
 
     __slots__ = ("dtype", "number", "uniform")
 
@@ -47,10 +47,10 @@ Scalar = Value | np.generic
 
 
 class Memory:
-    """`size` scalars in memory: element after element, each with all its lanes unless uniform.
+    """Array of `size` scalars, element after element, each with all its lanes unless uniform.
 
-    With `initial` it holds these numbers and is never written; with `elements` it is an array of
-    values that are there already: all of them, or the first of an array from outside.
+    With `initial` it is a constant array of these numbers; with `elements` it is an array of
+    existing values: all of them, or the first of an array from outside.
     """
 
     __slots__ = ("dtype", "elements", "initial", "number", "size", "uniform")
@@ -68,7 +68,7 @@ class Memory:
 
 @dataclass(slots=True)
 class Operation:
-    """One arithmetic operation of the table in `operations`."""
+    """Arithmetic operation of the table in `operations`."""
 
     name: str
     args: tuple[Scalar, ...]
@@ -77,7 +77,7 @@ class Operation:
 
 @dataclass(slots=True)
 class Load:
-    """An element of a memory; a varying index gives every lane another one."""
+    """Read of an element of a memory; each lane reads its own where the index varies."""
 
     memory: Memory
     index: Scalar
@@ -86,7 +86,7 @@ class Load:
 
 @dataclass(slots=True)
 class Store:
-    """Puts a value at an element of a memory; the index is uniform."""
+    """Write of a value to an element of a memory; the index is uniform."""
 
     memory: Memory
     index: Scalar
@@ -94,7 +94,7 @@ class Store:
 
 
 class Block:
-    """Operations in order. What the blocks around it have computed is known in it, too."""
+    """Steps in order, which may use values of the blocks around it."""
 
     __slots__ = ("known", "outer", "steps")
 
@@ -104,7 +104,7 @@ class Block:
         self.known: dict[tuple, Scalar] = {}
 
     def find(self, key: tuple) -> Any:
-        """What is known under a key here or in a block around; None for nothing."""
+        """Value recorded under `key` in this block or one around it, or None."""
         block: Block | None = self
         while block is not None:
             value = block.known.get(key)
@@ -114,7 +114,7 @@ class Block:
         return None
 
     def calls(self) -> "Iterator[Call]":
-        """All calls of this block and of those in it."""
+        """Calls in this block and in the blocks inside it."""
         for step in self.steps:
             if isinstance(step, Call):
                 yield step
@@ -124,10 +124,10 @@ class Block:
 
 @dataclass(slots=True)
 class Loop:
-    """`while condition(params): params = body(params)`; afterwards the params are its results.
+    """`while condition(params): params = body(params)`; the results are the last params.
 
-    `active` is the condition's value. Where it is varying the loop goes on while any lane is
-    active, and the params of a lane that is not stay as they are.
+    `active` is the condition's value. Where it varies, the loop runs while any lane is active,
+    and inactive lanes keep their params.
     """
 
     params: list[Value]
@@ -140,9 +140,9 @@ class Loop:
 
 @dataclass(slots=True)
 class BlockSwitch:
-    """The block number `index`, which is uniform and in range; `yields` are their results.
+    """Execution of the block of number `index` (uniform, in range); `yields` are block results.
 
-    Blocks after the first are `cold` (hardly ever run) or not.
+    `cold`: blocks after the first hardly ever run.
     """
 
     index: Scalar
@@ -154,11 +154,11 @@ class BlockSwitch:
 
 @dataclass(frozen=True)
 class Source:
-    """The Python function that a function was, and the shapes of its arrays, whose elements are the
-    parameters and results in order.
+    """Python function behind a `Function`, and shapes of its arrays, whose elements in order are
+    the parameters and results.
 
-    With `loop` it is an operation on arrays that is written as a loop instead: "product", summed
-    over `axes`, and "sum", both in order and from 0.0; "argmin" and "argmax".
+    `loop` names an operation on arrays to print as a loop: "product", summed over `axes`, and
+    "sum", both in order and from 0.0; "argmin" and "argmax".
     """
 
     name: str
@@ -171,9 +171,9 @@ class Source:
 
 @dataclass(slots=True)
 class Function:
-    """A program of its own, called from others; what is stored is in `Store` steps alone.
+    """Program called from others; its only side effects are `Store` steps.
 
-    `parts` are functions for single results, for who needs one only, or nothing.
+    `parts`, if any, are one function per result, for callers that use a single one.
     """
 
     name: str
@@ -186,7 +186,7 @@ class Function:
 
 @dataclass(slots=True)
 class Call:
-    """A function applied to values."""
+    """Call of a function with values."""
 
     function: Function
     args: list[Scalar]
@@ -197,7 +197,7 @@ Step = Operation | Load | Store | Loop | BlockSwitch | Call
 
 
 def definitions(step: Step) -> Sequence[Value]:
-    """The values that a step gives to those after it."""
+    """Values that a step defines for later steps."""
     match step:
         case Operation(out=out) | Load(out=out):
             return [out]
@@ -208,7 +208,7 @@ def definitions(step: Step) -> Sequence[Value]:
 
 
 def blocks_in(step: Step) -> Sequence[Block]:
-    """The blocks of a loop or a switch, each after what it may read."""
+    """Blocks of a loop or switch, each after those whose values it may use."""
     match step:
         case Loop(condition=condition, body=body):
             return (condition, body)
@@ -218,7 +218,7 @@ def blocks_in(step: Step) -> Sequence[Block]:
 
 
 def uses(step: Step) -> Iterable[int]:
-    """Numbers of the values from outside that a step reads."""
+    """Numbers of the values from outside a step that it reads."""
     match step:
         case Operation(args=args) | Call(args=args):
             return numbers_of(args)
@@ -255,7 +255,7 @@ def _defined_in(block: Block) -> Iterator[int]:
 
 
 def reads(block: Block) -> Iterator[int]:
-    """Numbers of the values that the steps of a block and of the blocks inside read, each time."""
+    """Numbers of the values that a block and the blocks inside read, repeated per read."""
     for step in block.steps:
         match step:
             case BlockSwitch(index=index, yields=yields):
@@ -279,7 +279,7 @@ def is_uniform(x: Scalar) -> bool:
 
 
 def memories(step: Step) -> Iterator[Memory]:
-    """What a step reads or writes that may be written."""
+    """Writable memories that a step reads or writes."""
     match step:
         case Operation():
             return

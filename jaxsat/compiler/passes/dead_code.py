@@ -10,9 +10,9 @@ from jaxsat.compiler import ir
 
 
 class DeadCodeElimination:
-    """Removes from a block what its results do not depend on.
+    """Removal of steps that the results of a block do not depend on.
 
-    `live` holds the numbers of the values and memories that they do depend on.
+    `live`: numbers of the values and memories on which the results depend.
     """
 
     def __init__(self, block: ir.Block, results: Sequence[ir.Scalar]):
@@ -20,11 +20,10 @@ class DeadCodeElimination:
         self._clean(block)
 
     def _clean(self, block: ir.Block) -> None:
-        """Remove the dead code of a block and of those inside."""
         block.steps = [step for step in block.steps if self._keep(step)]
 
     def _keep(self, step: ir.Step) -> bool:
-        """Whether a step is wanted, which then is without its own dead parts."""
+        """Whether a step is live, after removing dead parts inside it."""
         match step:
             case ir.Operation(out=out) | ir.Load(out=out):
                 return out.number in self.live
@@ -57,22 +56,21 @@ class DeadCodeElimination:
 
 
 def _stores(block: ir.Block) -> bool:
-    """Whether a block without dead code stores anything."""
     return any(
         isinstance(step, ir.Store) or any(map(_stores, ir.blocks_in(step))) for step in block.steps
     )
 
 
 def without_dead_code(function: ir.Function) -> ir.Function:
-    """The function without its dead code."""
+    """Remove dead code from `function` in place and return it."""
     DeadCodeElimination(function.block, function.results)
     return function
 
 
 def dependencies(block: ir.Block) -> dict[int, list[int]]:
-    """The values and memories that each value and memory of a block needs directly, by numbers.
+    """Direct dependencies of each value and memory of a block, by numbers.
 
-    A call needs all its arguments; what is stored also needs the conditions around it.
+    A call depends on all its arguments, a store also on the conditions around it.
     """
     needs: dict[int, list[int]] = defaultdict(list)
     _gather(needs, block, [])
@@ -80,7 +78,7 @@ def dependencies(block: ir.Block) -> dict[int, list[int]]:
 
 
 def _gather(needs: dict[int, list[int]], block: ir.Block, control: list[int]) -> None:
-    """Add the needs of a block; `control` are the conditions around it."""
+    """Add dependencies inside a block to `needs`; `control`: conditions around it."""
     for step in block.steps:
         match step:
             case ir.Operation(out=out, args=args):
@@ -108,7 +106,7 @@ def _gather(needs: dict[int, list[int]], block: ir.Block, control: list[int]) ->
 
 
 def reachable(needs: Mapping[int, list[int]], numbers: Iterable[int]) -> set[int]:
-    """What some values and memories need, directly or indirectly, and themselves, by numbers."""
+    """Numbers of values and memories, and of all their dependencies."""
     live: set[int] = set()
     waiting = list(numbers)
     while waiting:
