@@ -155,6 +155,16 @@ class MagneticLaw(AbstractSampledController):
         self, t: RealScalar, state: PlantState, memory: MagneticMemory
     ) -> tuple[Vector, MagneticMemory]:
         """Return the commanded torque (N m) and the next memory."""
+        return self.beside(t, state, memory, jnp.zeros_like(self.steering.dipole_limit))
+
+    def beside(
+        self,
+        t: RealScalar,
+        state: PlantState,
+        memory: MagneticMemory,
+        besides: Float[Array, " k"],
+    ) -> tuple[Vector, MagneticMemory]:
+        """Return the torque beside dipoles (A m²) that are commanded anyway, and the memory."""
         relative, turn = self.model.relative_rate(state), _turn(state)
         mode = self._mode(_size(relative), _size(turn), memory.mode)
         field = self.steering.field.in_body(t, state.attitude)
@@ -164,14 +174,14 @@ class MagneticLaw(AbstractSampledController):
         surplus = jnp.where(learns, self.gain.rate, 0.0) * (momentum - memory.momentum)
         dipole = memory.dipole + jnp.cross(field, surplus) / jnp.sum(field**2)
         constant = memory.torque + surplus
-        residual = jnp.cross(dipole, field)
+        residual = jnp.cross(dipole + self.steering.axes @ besides, field)
         excess = self.steering.excess(state)
         points = self.gain.torque(t, jnp.concatenate([turn, relative]), excess, constant)
         slews = self._slew(state, turn, relative)
         pull = jnp.where(mode == int(MagneticMode.POINTING), points, slews) - residual
         torque = jnp.where(stopped, pull, -self.damping * relative)
         dipoles = self.steering.unlimited(field, self.steering.wanted_torque(state, torque))
-        within = jnp.all(jnp.abs(dipoles) <= self.steering.dipole_limit)
+        within = jnp.all(jnp.abs(dipoles + besides) <= self.steering.dipole_limit)
         outside = jnp.cross(self.steering.axes @ dipoles, field) + residual + constant
         outside = outside + self.model.disturbance_torque(t, state)
         outside = outside - jnp.cross(state.omega, momentum)

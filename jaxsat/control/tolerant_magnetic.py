@@ -121,7 +121,8 @@ class TolerantMagnetic(eqx.Module):
     ) -> MagneticFlight:
         """What it does where magnetorquers and the wheels in use are `alone`, None for no wheels.
 
-        What was learnt of dipole and torque is kept as wheels fail, but not how the body moved.
+        What was learnt of dipole and torque is kept as wheels fail, but not how the body moved. A
+        dipole of the body that no magnetorquer opposes is turned into the field.
         """
         none = jnp.zeros(0)
         usable = none if wheeled is None else wheeled.usable
@@ -134,8 +135,12 @@ class TolerantMagnetic(eqx.Module):
             mode=jnp.where(same, before.own.mode, int(MagneticMode.DAMPING)),
             predicts=same & before.own.predicts,
         )
-        torque, own = law.step(sample.t, sample.state, own)
-        dipoles, rest = law.steering(sample.t, sample.state, torque)
+        steering, state = law.steering, sample.state
+        besides = steering.along_field(steering.field.in_body(sample.t, state.attitude), own.dipole)
+        besides = jnp.where(own.mode == int(MagneticMode.DAMPING), 0.0, besides)
+        torque, own = law.beside(sample.t, state, own, besides)
+        dipoles, rest = steering(sample.t, state, torque)
+        dipoles = jnp.clip(dipoles + besides, -steering.dipole_limit, steering.dipole_limit)
         torques = none
         if law.wheel_axes is not None:
             along = law.wheel_axes.T @ law.gain.basis[:, 0]

@@ -23,6 +23,10 @@ from jaxsat.spacecraft.spacecraft import PlantState
 from jaxsat.spacecraft.steering import AbstractSteering, SteeringContext
 from jaxsat.spacecraft.wheels import wheel_momentum
 
+NEAREST = 0.05
+"""Sine of the angle between the field and the axes of two magnetorquers below which no dipole of
+theirs turns that of the body into the field: it would be too large."""
+
 
 class MagnetorquerFailures(AbstractFailures):
     """Failures of magnetorquers, of a `FailureKind`.
@@ -215,6 +219,18 @@ class MagneticSteering(AbstractSteering):
     def unlimited(self, field: Vector, torque: Vector) -> Float[Array, " k"]:
         """Return unlimited dipoles (A m²) for a torque in a field (T, body axes)."""
         return self.shares @ (jnp.cross(field, torque) / jnp.sum(field**2))
+
+    def along_field(self, field: Vector, dipole: Vector) -> Float[Array, " k"]:
+        """Return dipoles (A m²) with which one of the body (A m²) lies along a field (T): together
+        they make no torque, whatever it has along axes that no magnetorquer has.
+
+        With P on what the axes span and Q = 1 - P they are β P B, where Q (m - β B) is least. Near
+        a field in that span, within `NEAREST`, β is less.
+        """
+        spanned = self.axes @ (self.shares @ field)
+        beyond, missing = field - spanned, dipole - self.axes @ (self.shares @ dipole)
+        square = jnp.sum(beyond**2) + NEAREST**2 * jnp.sum(field**2)
+        return self.shares @ field * (jnp.sum(missing * beyond) / square)
 
     def excess(self, state: PlantState) -> Vector:
         """Return the momentum of the wheels beyond their bias, N m s, in body axes."""

@@ -25,11 +25,17 @@ from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation.engine.single import simulate
+from jaxsat.spacecraft.magnetorquers import NEAREST
 from jaxsat.spacecraft.spacecraft import PlantState
 from jaxsat.spacecraft.wheels import WheelMomenta
 from oracle import magnetic as oracle
 
 RATE = 1.1e-3  # rad/s
+
+
+@pytest.fixture(scope="module")
+def cubesat():
+    return build(load("cubesat-3w3m")).loop.controller
 
 
 def mean_square(limit, orbit, count=8):
@@ -57,12 +63,11 @@ def test_magnetorquers_turn_bodies_of_every_size_alike(size):
     np.testing.assert_allclose(np.cross(change, inertia @ axis / size), 0, atol=1e-14)
 
 
-def test_rods_that_are_left_have_the_mean_torque_of_their_projection():
+def test_rods_that_are_left_have_the_mean_torque_of_their_projection(cubesat):
     """Of x and y, and of less than two nothing; studies ask with the rods of a case."""
-    run = build(load("cubesat-3w3m"))
-    law, table = run.loop.controller, load("cubesat-3w3m").orbit
+    law, table = cubesat, load("cubesat-3w3m").orbit
     turn = table.ascending_node_rad
-    orbit = (float(run.loop.plant.orbit.rate), np.deg2rad(51.6), turn)
+    orbit = (float(law.healthy.model.orbit.rate), np.deg2rad(51.6), turn)
     onto, total = np.diag([1.0, 1.0, 0.0]), np.zeros((3, 3))
     for along in np.arange(8) * 2 * np.pi / 8:
         for turn in np.arange(8) * 2 * np.pi / 8:
@@ -87,6 +92,43 @@ def test_wheels_of_one_axis_are_judged_by_their_own_gains():
     held = [one_set.holds_with(np.eye(3)[:, [axis]], rods) for axis in range(3)]
     assert held == [False, True, False]
     assert not one_set.holds_with(np.zeros((3, 0)), rods)
+
+
+def test_a_dipole_that_no_magnetorquer_opposes_is_turned_into_the_field(cubesat):
+    """By the only dipole of two others whose sum with it makes no torque, where it is small."""
+    steering, rng = cubesat.rods.steering, np.random.default_rng(4)
+    for axis, field, body in zip(range(3), *rng.normal(size=(2, 3, 3)), strict=True):
+        skew = np.delete(np.eye(3), axis, axis=1) @ np.array([[1.0, 0.6], [0.0, 0.8]])
+        shares = np.linalg.pinv(skew)
+        two = dataclasses.replace(steering, axes=skew, shares=shares, dipole_limit=np.ones(2))
+        dipoles = np.asarray(two.along_field(jnp.array(field), jnp.array(body)))
+        alone = body[axis] * np.eye(3)[axis]
+        exact = np.linalg.lstsq(np.cross(skew.T, field).T, -np.cross(alone, field))[0]
+        sine = field[axis] / np.linalg.norm(field)
+        np.testing.assert_allclose(dipoles * (1 + (NEAREST / sine) ** 2), exact, rtol=1e-9)
+        assert np.all(np.asarray(steering.along_field(jnp.array(field), jnp.array(body))) == 0)
+
+
+def test_two_magnetorquers_oppose_a_dipole_along_the_third_axis(cubesat):
+    """Without wheels, at rest in the orbit frame: the body and they make no torque."""
+    orbit, rate = load("cubesat-3w3m").orbit, float(cubesat.healthy.model.orbit.rate)
+    steady = (rate, orbit.inclination_rad, orbit.ascending_node_rad)
+    field = oracle.field(0.0, (*steady, orbit.argument_of_latitude_rad, orbit.sidereal_angle_rad))
+    lost = int(np.argmax(np.abs(field)))
+    shares = np.eye(3) * (np.arange(3) != lost)[:, None]
+    magnetic = eqx.tree_at(lambda one: one.laws.steering.shares, cubesat.magnetic, shares)
+    attitude, momenta = Quaternion(jnp.eye(4)[0]), WheelMomenta(jnp.zeros(3))
+    state = PlantState(attitude, jnp.array([0.0, -rate, 0.0]), (momenta, None))
+    body, memory = 0.005 * np.eye(3)[lost], magnetic.init(state)
+    own = memory.own._replace(mode=jnp.array(int(MagneticMode.POINTING)), dipole=jnp.array(body))
+    none = Wheeled(jnp.zeros(3), jnp.array(int(Left.LESS)), jnp.zeros(3), jnp.zeros((3, 3)))
+    sample = Sample(jnp.array(0.0), state, Reading(state.omega), cubesat.healthy)
+    memory = memory._replace(own=own, number=jnp.array(0))
+    act = eqx.filter_jit(lambda memory: magnetic.act(sample, jnp.array(True), none, memory))
+    dipoles = np.asarray(act(memory).dipoles)
+    alone, together = (np.linalg.norm(np.cross(one, field)) for one in (body, body + dipoles))
+    assert dipoles[lost] == 0
+    assert together < 3 * NEAREST**2 * alone
 
 
 def feedback(c, omega, inertia, rate, frequency, most):
