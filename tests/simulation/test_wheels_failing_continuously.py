@@ -1,5 +1,6 @@
 """Wheels that fail under a continuous law, in two engines, against an independent program."""
 
+import functools
 import itertools
 
 import equinox as eqx
@@ -39,8 +40,6 @@ CASES = np.array(
         [1, 3, 1.5, 4.25, K.DEGRADED, K.STOPPED, 0.4, 0],
         [2, 0, 3.3, 3.3, K.RUNAWAY, K.FRICTION_BY, 0, 30],
         [3, 3, 5.0, 1.1, K.STOPPED, K.RUNAWAY, 0, 0],  # not in the order of time
-        [1, 1, 1.5, 3.1, K.DEGRADED, K.FRICTION_BY, 0.4, 5],
-        [0, 0, 1.2, 2.9, K.RUNAWAY, K.DEGRADED, 0, 0.5],
         [1, 2, 0.0, 7.999, K.STOPPED, K.DEAD, 0, 0],
         [2, 1, 0.7, 6.0, K.RUNAWAY, K.STOPPED, 0, 0],
     ],
@@ -111,8 +110,10 @@ def within_limits(share):
     return found[0] * share + found[1] * SPARE
 
 
-def truth(case):
+@functools.cache
+def truth(number):
     """(q scalar last, ω, h) at the end by SciPy, one time without an event after the other."""
+    case = CASES[number]
     gain, viscous = np.ones(4), np.full(4, VISCOUS)
     stopped, runaway = np.zeros(4, bool), np.zeros(4, bool)
     y = np.concatenate([[0, 0, 0, 1], OMEGA, MOMENTA])
@@ -188,7 +189,7 @@ def test_machine_code_agrees_with_an_independent_program():
     cases = factory()
     program = program_of(cases, cases.loop, SECONDS)
     stepper = AdaptiveStepper(tolerance=Tolerance(1e-11, 1e-11))
-    expected = np.array([truth(case) for case in CASES])
+    expected = np.array([truth(number) for number in range(len(CASES))])
     assert np.abs(expected[1:] - expected[0]).max(axis=1).min() > 1e-4
     found = NativeEngine(stepper).evaluate(program, CASES)
     assert np.all(found.code == 0)
@@ -204,7 +205,7 @@ def same_motion(quaternion, omega, expected, tolerance):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("number", "off"), [(2, 2e-8), (8, 2e-3)])
+@pytest.mark.parametrize(("number", "off"), [(2, 2e-8), (6, 2e-3)])
 def test_diffrax_agrees_and_keeps_the_total_momentum_where_a_wheel_seizes(number, off):
     """Saved before and after; at the instant of the failure the wheel stands still.
 
@@ -216,7 +217,7 @@ def test_diffrax_agrees_and_keeps_the_total_momentum_where_a_wheel_seizes(number
     at, which = case[3], int(case[1])
     times = np.sort(np.append(np.linspace(0, SECONDS, 33), [at - 1e-9, at, at + 1e-9]))
     signals = simulate(loop, made.start, np.unique(times)).signals
-    same_motion(signals.quaternion[-1:], signals.omega[-1:], truth(case)[None], off)
+    same_motion(signals.quaternion[-1:], signals.omega[-1:], truth(number)[None], off)
     momentum, stopped = np.asarray(signals.parts["wheel_momentum"]), np.unique(times) >= at
     assert np.all(momentum[stopped, which] == 0)
     assert np.abs(momentum[~stopped, which]).min() > 1e-3
