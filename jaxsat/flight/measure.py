@@ -121,17 +121,20 @@ def _use(folder: Path, flags: Sequence[str], board: str, samples: int) -> Proces
     """Measure one processor, without emulation if there are no samples."""
     names = ("controller", "controller_guard")
     for name in names:
-        run_tool(folder, ARM, *flags, "-g", "-fcallgraph-info=su", "-c", f"{name}.c")
-    graph = "".join((folder / f"{name}.ci").read_text() for name in names)
-    stack, guarded_stack = (_stack(graph, f"{name}_step") for name in names)
+        run_tool(folder, ARM, *flags, "-g", "-c", f"{name}.c")
     sizes = run_tool(folder, "arm-none-eabi-size", "controller.o").splitlines()[1].split()
     section = "-Wl,--section-start=.vectors=0x0"
     objects = [f"{name}.o" for name in names]
     parts = ["-DSTEPS", "cortex_m.c", *objects, "-o", "steps.elf", "-lm"]
     run_tool(folder, ARM, *flags, section, *parts)
-    bounds, why = _bounds(folder)
+    bounds, why = _bounds(folder, [f"{name}_step" for name in names])
+    (bound, stack), (guarded_bound, guarded_stack) = bounds
     static = ProcessorUse(
-        stack, int(sizes[0]), guarded_stack=guarded_stack, bound=bounds[0], guarded_bound=bounds[1]
+        stack,
+        int(sizes[0]),
+        guarded_stack=guarded_stack,
+        bound=bound,
+        guarded_bound=guarded_bound,
     )
     if not samples:
         return replace(static, why=", ".join([f"{QEMU} not installed", *why]))
@@ -146,15 +149,19 @@ def _use(folder: Path, flags: Sequence[str], board: str, samples: int) -> Proces
     )
 
 
-def _bounds(folder: Path) -> tuple[list[int] | list[None], list[str]]:
-    """Return the bounds of a step and of one behind the guard, or why there are none."""
+def _bounds(folder: Path, functions: Sequence[str]) -> tuple[list[list[int | None]], list[str]]:
+    """Return the bounds of instructions and stack (bytes) of functions, and why some have none."""
     (folder / BOUND_SCRIPT).write_text(template(BOUND_SCRIPT))
-    steps = "controller_step", "controller_guard_step"
-    try:
-        output = run_tool(folder, sys.executable, BOUND_SCRIPT, "steps.elf", *steps)
-    except subprocess.CalledProcessError as error:
-        return [None, None], [error.stderr.strip().splitlines()[-1]]
-    return [int(one) for one in re.findall(r"(\d+) instructions at most", output)], []
+    output = run_tool(folder, sys.executable, BOUND_SCRIPT, "steps.elf", *functions)
+    matches = [
+        [
+            re.search(rf"^{name}: (\d+) {what} at most$", output, re.M)
+            for what in ("instructions", "bytes of stack")
+        ]
+        for name in functions
+    ]
+    numbers = [[int(one[1]) if one else None for one in row] for row in matches]
+    return numbers, re.findall(r"^\w+: (no bound of .*)$", output, re.M)
 
 
 def samples_worth_emulating(folder: Path) -> Int[np.ndarray, " chosen"]:
@@ -191,22 +198,3 @@ def run_tool(folder: Path, *command: str, longest: float = LONGEST) -> str:
         stdin=subprocess.DEVNULL,
     )  # fmt: skip
     return process.stdout
-
-
-def _stack(graph: str, begin: str) -> int:
-    """Return the bytes of the deepest chain of calls from a function, by the compiler's call graph.
-
-    The compiler's own functions for arithmetic have no frames in it.
-    """
-    sizes = {
-        name: int(size)
-        for name, size in re.findall(r'node: \{ title: "([^"]*)"[^}]*?(\d+) bytes', graph)
-    }
-    calls: dict[str, set[str]] = {}
-    for caller, callee in re.findall(r'sourcename: "([^"]*)" targetname: "([^"]*)"', graph):
-        calls.setdefault(caller, set()).add(callee)
-
-    def depth(name: str) -> int:
-        return sizes.get(name, 0) + max(map(depth, calls.get(name, ())), default=0)
-
-    return depth(begin)

@@ -3,6 +3,7 @@
 import importlib.util
 import subprocess
 from importlib.resources import files
+from pathlib import Path
 
 import pytest
 
@@ -27,7 +28,10 @@ CODE = """\
 typedef struct { int32_t all[25]; } record;
 volatile int32_t port;
 record one, other;
-void seen(record *all);
+void seen(record *all) __attribute__((noinline));
+double saved(double x, double y) __attribute__((noinline));
+double outer(double x);
+void grows(int32_t x);
 void straight(void);
 void choose(int32_t x);
 void repeat(void);
@@ -95,6 +99,21 @@ void copy(void)
   other = all;
   one = all;
 }
+double saved(double x, double y)
+{
+  record all;
+  all.all[3] = port;
+  seen(&all);
+  const double z = x * y;
+  seen(&all);
+  return z * x + y + all.all[3];
+}
+double outer(double x) { return x * saved(x, x); }
+void grows(int32_t x)
+{
+  int32_t all[x];
+  seen((record *)all);
+}
 void endless(int32_t x) { while (port != x) { port = x; } }
 void spin(void) { for (;;) { } }
 void recur(int32_t x) { if (port > x) { recur(x + 1); port = x; } }
@@ -107,7 +126,8 @@ int main(void) { return 0; }
 def program(script, tmp_path_factory):
     folder = tmp_path_factory.mktemp("program")
     (folder / "code.c").write_text(CODE)
-    command = "arm-none-eabi-gcc -mcpu=cortex-m7 -mthumb -O2 -g --specs=nosys.specs -w"
+    command = "arm-none-eabi-gcc -mcpu=cortex-m7 -mthumb -mfloat-abi=hard -mfpu=fpv5-d16 -O2 -g"
+    command += " --specs=nosys.specs -w -fstack-usage"
     command += " code.c -o code.elf"
     subprocess.run(command.split(), cwd=folder, check=True)
     with pytest.MonkeyPatch.context() as patch:
@@ -125,8 +145,8 @@ def test_the_bound_is_that_of_the_longest_path(program):
     names = "straight", "choose", "repeat", "nested", "stop", "enter", "copy"
     bound = {name: program.bound(program.starts[name]) for name in names}
     assert bound["straight"] == _length(program, "straight")
-    # the short branch is a store, and may end with a return of its own
-    assert _length(program, "choose") - 4 <= bound["choose"] < _length(program, "choose")
+    # a comparison, a branch, six numbers, six stores and a return, without the shorter branch
+    assert 15 <= bound["choose"] < _length(program, "choose")
     # a store, the count and a branch, 299 times in each of two calls
     assert 2 * 3 * 299 < bound["repeat"] < 2 * 5 * 300 + 20
     # a store, the count and two more, 40 times 30 times
@@ -137,6 +157,21 @@ def test_the_bound_is_that_of_the_longest_path(program):
     assert 6 * 20 <= bound["enter"] < 2 * 8 * 22 + 20
     # three copies of 25 words, which may be of 100 bytes one by one
     assert 3 * 2 * 25 < bound["copy"] < 3 * 8 * 100
+
+
+@needs("arm-none-eabi-gcc")
+def test_the_stack_is_that_of_the_compiler_along_the_deepest_chain(script, program):
+    """By the compiler's own figures for each function (-fstack-usage)."""
+    (file,) = Path().glob("*.su")
+    rows = (line.split("\t") for line in file.read_text().splitlines())
+    frames = {row[0].split(":")[-1]: int(row[1]) for row in rows}
+    assert frames["saved"] >= 100 + 8 + 4  # an array, and registers of both kinds
+    stack = {name: program.stack(program.starts[name]) for name in ("seen", "outer", "saved")}
+    assert stack["seen"] == frames["seen"]
+    assert stack["saved"] == frames["saved"] + frames["seen"]
+    assert stack["outer"] == frames["outer"] + stack["saved"]
+    with pytest.raises(script.Unbounded, match="grows reserves stack by a number"):
+        program.stack(program.starts["grows"])
 
 
 @needs("arm-none-eabi-gcc")

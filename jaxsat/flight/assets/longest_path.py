@@ -1,4 +1,4 @@
-"""The most instructions that functions of a Cortex-M program can take, whatever they are given.
+"""The most instructions and stack of functions of a Cortex-M program, whatever they are given.
 
     python3 longest_path.py PROGRAM FUNCTION...
 
@@ -8,7 +8,8 @@ through them: of two branches the longer one, and for a call the bound of what i
 runs as often as the `for` of the C says that the line of the loop's exit has. Loops of the
 compiler's own functions and of the square root shift numbers of at most 64 bits; those of memcpy,
 memmove and memset store the bytes that the call says. If there is anything else, such as a loop
-without a `for`, recursion, or a call by a pointer, there is no bound.
+without a `for`, recursion, or a call by a pointer, there is no bound. The stack is what functions
+reserve along the deepest chain of calls.
 """
 
 import argparse
@@ -60,6 +61,8 @@ class Program:
             self.loops |= {(name, line): most for line, most in bounds.items()}
         self.known: dict[tuple[int, int | None], int] = {}
         self.open: list[tuple[int, int | None]] = []
+        self.deep: dict[int, int] = {}
+        self.open_stacks: list[int] = []
 
     def _lines(self, listing, addresses):
         """Return the file and line of each address that has them."""
@@ -82,12 +85,45 @@ class Program:
             raise Unbounded(f"{self.name(begin)} calls itself")
         if key not in self.known:
             self.open.append(key)
-            nodes = self._reach(begin)
-            nodes[CALLER] = [begin]
+            nodes = self._reach(begin) | {CALLER: [begin]}
             done, _ = self._paths(CALLER, set(nodes), nodes, size)
-            self.known[key] = max(done[one] for one, after in nodes.items() if None in after)
+            ends = [done[one] for one, after in nodes.items() if None in after]
+            self.known[key] = max(ends, default=0)
             self.open.pop()
         return self.known[key]
+
+    def stack(self, begin: int) -> int:
+        """Return the most bytes of stack of a call of a function: all that it and the deepest chain
+        of calls from it ever reserve."""
+        if begin not in self.deep:
+            if begin in self.open_stacks:
+                raise Unbounded(f"{self.name(begin)} calls itself")
+            self.open_stacks.append(begin)
+            nodes = self._reach(begin)
+            calls = {self._target(one) for one in nodes if self._is_call(one)}
+            own = sum(self._reserved(one) for one in nodes)
+            self.deep[begin] = own + max(map(self.stack, calls), default=0)
+            self.open_stacks.pop()
+        return self.deep[begin]
+
+    def _reserved(self, address):
+        """Return the bytes of stack that an instruction reserves."""
+        name, rest = self.code[address]
+        text = f"{name} {rest}"
+        saved = re.match(r"v?(?:push\S*|stmdb\S* sp!,) \{(.*)\}", text)
+        if saved:
+            ranges = re.findall(r"([a-z]+)(\d*)(?:-[a-z]+(\d+))?", saved[1])
+            sizes = {"d": 8}
+            return sum(
+                sizes.get(kind, 4) * (int(last) - int(first) + 1 if last else 1)
+                for kind, first, last in ranges
+            )
+        number = re.match(r"subw?\S* sp, (?:sp, )?#(\d+)|str\S* .*\[sp, #-(\d+)\]!", text)
+        if number:
+            return int(number[1] or number[2])
+        if re.match(r"(sub|mov|bic|and)\S* sp,", text):
+            raise Unbounded(f"{self.name(address)} reserves stack by a number that it computes")
+        return 0
 
     def name(self, address):
         """Return the name of the function at an address."""
@@ -338,18 +374,22 @@ def _printed(*command):
 
 
 def main():
-    """Print the bounds of the functions of a program."""
+    """Print the bounds of the functions of a program, or why there are none."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("program")
     parser.add_argument("functions", nargs="+")
     arguments = parser.parse_args()
     program = Program(arguments.program)
+    bounds = {"instructions": program.bound, "bytes of stack": program.stack}
     for name in arguments.functions:
-        print(f"{name}: {program.bound(program.starts[name])} instructions at most")
+        for what, bound in bounds.items():
+            try:
+                print(f"{name}: {bound(program.starts[name])} {what} at most")
+            except Unbounded as error:
+                print(f"{name}: no bound of {what}: {error}")
+                program.open.clear()
+                program.open_stacks.clear()
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except Unbounded as error:
-        raise SystemExit(f"no bound: {error}") from None
+    main()
