@@ -5,6 +5,8 @@ import pytest
 
 from jaxsat.report.comparison_figures import settling_comparison
 from jaxsat.report.figure_painter import paint_grid
+from jaxsat.report.page.plots import chart_of
+from jaxsat.report.plot import TIME, Axis, Plot, Strips
 from jaxsat.report.study_plots import settled_by_law
 from jaxsat.report.style import MARKERS
 from jaxsat.report.tuning_document import methods_plot
@@ -41,3 +43,17 @@ def test_each_method_of_a_baseline_has_a_line_of_its_own():
     figure = paint_grid([[methods_plot(traces)]], "many")
     (axis,) = figure.axes
     assert len(set(looks(axis))) == COUNT
+
+
+@pytest.mark.parametrize(
+    ("ends", "told"),
+    [
+        ((-1.0, -1e-20), "from -1 (dark) to 0 (bright) N m"),
+        ((1e-23, 2e-13), "from 0 (dark) to 2e-13 (bright) N m"),
+        ((-1.0, -1.0), "-1 all the time N m"),
+    ],
+)
+def test_shades_of_strips_are_told_without_round_off(ends, told):
+    strips = Strips(np.arange(2.0), np.array([ends, ends]).T, ["a", "b"])
+    chart = chart_of(Plot("torque", "", TIME, Axis("torque", "N m"), strips=strips))
+    assert chart.title == f"torque, {told}"

@@ -265,9 +265,9 @@ def _strips(drawing: Any, plot: Plot, strips: Strips) -> str:
     shades = largest_of_parts(strips.values, STRIP_PARTS)[1].astype("f4").T
     start, end = float(strips.x[0]), float(strips.x[-1])
     finite = strips.values[np.isfinite(strips.values)]
-    top, low = (float(finite.max()), float(finite.min())) if finite.size else (1.0, 0.0)
-    low = 0.0 if abs(low) < 1e-9 * abs(top) else low
-    mapper = LinearColorMapper(palette=cividis(64), low=low, high=max(top, low + 1e-12))
+    ends = np.array([finite.min(), finite.max()]) if finite.size else np.array([0.0, 1.0])
+    low, top = map(float, np.where(np.abs(ends) < 1e-9 * np.abs(ends).max(), 0.0, ends))
+    mapper = LinearColorMapper(palette=cividis(64), low=low, high=top if top > low else low + 1)
     mapper.nan_color = "rgba(0, 0, 0, 0)"
     count = len(strips.labels)
     renderer = drawing.image([shades], start, 0, end - start, count, color_mapper=mapper)
@@ -278,11 +278,11 @@ def _strips(drawing: Any, plot: Plot, strips: Strips) -> str:
         [("t", "$x{%.6g} s"), (plot.title, _value_text("image", plot.y))],
         "mouse",
     )
-    ends = [number_text(end, 3) for end in (low, top)]
+    least, most = (number_text(end, 3) for end in (low, top))
     unit = plot.y.unit_text
-    if ends[0] == ends[1]:
-        return f"{ends[0]} all the time {unit}"
-    return f"from {ends[0]} (dark) to {ends[1]} (bright) {unit}"
+    if least == most:
+        return f"{least} all the time {unit}"
+    return f"from {least} (dark) to {most} (bright) {unit}"
 
 
 def _drawable(values: np.ndarray, axis: Axis) -> np.ndarray:
