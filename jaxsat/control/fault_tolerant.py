@@ -340,7 +340,7 @@ class FaultTolerant(AbstractSampledController):
 
     @property
     def known(self) -> Bool[Array, " wheels"] | None:
-        """Which wheels were known to have failed before the start; None without wheels."""
+        """Wheels known to have failed before the start; None without wheels."""
         each = [one.failed_before for one in self.actuators]
         return next((one for one in each if one is not None), None)
 

@@ -94,7 +94,7 @@ class AbstractTolerantActuators(eqx.Module):
 
     @property
     def failed_before(self) -> Bool[Array, " m"] | None:
-        """Which had failed before the start, as far as is known; None where that is never known."""
+        """Actuators known to have failed before the start; None if this is never known."""
 
     @property
     @abc.abstractmethod
@@ -109,7 +109,7 @@ class AbstractTolerantActuators(eqx.Module):
 
     @abc.abstractmethod
     def needed(self, memory: TolerantMemory) -> Bool[Array, " m"]:
-        """Which actuators must be shown to be dead, not merely weak, before they are given up."""
+        """Actuators to be given up only if dead, not if weak."""
 
     @abc.abstractmethod
     def able(

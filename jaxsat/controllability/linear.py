@@ -19,7 +19,8 @@ class NoEquilibriumError(JaxsatError, ValueError):
     """The orbit frame is no equilibrium: the body y axis is not a principal axis."""
 
 
-def _skew(x: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+def skew(x: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """Return the cross-product matrix of x: skew(x) @ y = x × y."""
     return np.array([[0.0, -x[2], x[1]], [x[2], 0.0, -x[0]], [-x[1], x[0], 0.0]])
 
 
@@ -45,9 +46,9 @@ def lvlh_linearisation(
             f"in the orbit frame, but got products {matrix[0, 1]} and {matrix[1, 2]}"
         )
     state = np.zeros((6, 6))
-    state[:3, :3] = -_skew(orbital)
+    state[:3, :3] = -skew(orbital)
     state[:3, 3:] = np.eye(3)
-    state[3:, 3:] = np.linalg.solve(matrix, _skew(matrix @ orbital) - _skew(orbital) @ matrix)
+    state[3:, 3:] = np.linalg.solve(matrix, skew(matrix @ orbital) - skew(orbital) @ matrix)
     torque = np.linalg.solve(matrix, layout.torque_axes)
     return state, np.concatenate([np.zeros_like(torque), torque])
 

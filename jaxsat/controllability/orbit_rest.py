@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from jaxsat.controllability.linear import skew
+
 NORMAL, NADIR = np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 """The orbit normal and the way to the Earth, in the orbit frame."""
 
@@ -60,13 +62,9 @@ def rest_near_frame(
             angle = float(Rotation.from_matrix(turn).magnitude())
             return OrbitRest(turn, held, angle) if angle <= MOST_TURN else None
         whole = inertia @ normal + held
-        slope = (_cross(normal) @ inertia - _cross(whole)) @ _cross(normal)
-        slope -= pull * (_cross(nadir) @ inertia - _cross(inertia @ nadir)) @ _cross(nadir)
+        slope = (skew(normal) @ inertia - skew(whole)) @ skew(normal)
+        slope -= pull * (skew(nadir) @ inertia - skew(inertia @ nadir)) @ skew(nadir)
         step = np.linalg.lstsq(keeps @ slope, -rest, rcond=1e-9)[0]
         step *= min(1.0, _LARGEST_STEP / max(float(np.linalg.norm(step)), 1e-300))
         turn = Rotation.from_rotvec(-step).as_matrix() @ turn
     return None
-
-
-def _cross(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
-    return np.cross(vector, np.eye(3)).T

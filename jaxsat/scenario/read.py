@@ -142,7 +142,7 @@ class _File:
     data: dict[str, Any]
     lines: dict[Location, int]
     change: str | None = None
-    """What to tell of a file that jaxsat wrote to a folder of results, and that has changed."""
+    """Notice of a change since jaxsat wrote this file to a folder of results."""
 
 
 @dataclass(frozen=True)

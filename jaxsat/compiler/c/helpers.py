@@ -7,6 +7,7 @@ ones, so that they wrap like JAX's and never overflow, which C leaves undefined.
 
 import numpy as np
 
+from jaxsat.compiler.c.tidying import dimensions
 from jaxsat.compiler.ir import Function, Source
 
 TYPES = {
@@ -238,11 +239,9 @@ def _product_text(function: Function, source: Source) -> tuple[str, list[str]]:
     x_axis, y_axis = source.axes
     x_free = "".join("i" if axis != x_axis else "k" for axis in range(len(x)))
     y_free = "".join("j" if axis != y_axis else "k" for axis in range(len(y)))
-    parameters = [
-        f"const {kind} {name}{_dimensions(shape)}" for name, shape in (("x", x), ("y", y))
-    ]
+    parameters = [f"const {kind} {name}{dimensions(shape)}" for name, shape in (("x", x), ("y", y))]
     name = _name(x, y, x_free, y_free)
-    head = f"static void {name}({', '.join(parameters)}, {kind} product{_dimensions(out)})"
+    head = f"static void {name}({', '.join(parameters)}, {kind} product{dimensions(out)})"
     loops = [(letter, size) for letter, size in zip(x_free, x, strict=True) if letter == "i"]
     loops += [(letter, size) for letter, size in zip(y_free, y, strict=True) if letter == "j"]
     lines, indent = ["{"], "  "
@@ -276,7 +275,3 @@ def _loop(letter: str, size: int | str) -> str:
 
 def _index(letters: str) -> str:
     return "".join(f"[{letter}]" for letter in letters)
-
-
-def _dimensions(shape: tuple[int, ...]) -> str:
-    return "".join(f"[{n}]" for n in shape)

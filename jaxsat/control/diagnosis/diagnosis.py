@@ -136,7 +136,7 @@ class DiagnosisMemory(NamedTuple):
 
     @property
     def may_return(self) -> Bool[Array, " m"]:
-        """Which failed actuators are taken back into service once their torque is there."""
+        """Failed actuators that return to service once their torque reappears."""
         return self.condition.failed & (self.returns < MOST_RETURNS)
 
     def test_command(self, watch: AbstractResidualFilter, period: RealScalar) -> Float[Array, " m"]:
