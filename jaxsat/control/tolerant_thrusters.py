@@ -177,12 +177,15 @@ class TolerantThrusters(AbstractTolerantActuators):
         limit, own = now.ability.limit, before.own
         plane, _ = self.alone(now)
         plane = plane & ~three
+        holds = three | plane
         torque, steady, settling, leaking = self._in_plane(sample.state, demand, plane, before, now)
         owed = jnp.where(three, own.owed, 0.0)
         torque, unmade, besides = torque + owed / period, jnp.zeros(3), None
         if demand.use is not None:  # the torque can be made, and comes before what is owed
             steady = jnp.where(three, demand.torque, steady)
             torque = jnp.where(three, owed / period, torque)
+        flow = thrusters.torque @ now.diagnosis.condition.flow
+        torque, steady = jnp.where(holds, torque, 0.0), jnp.where(holds, steady, -flow)
         thrust, missed = self.reconfiguration.duties(torque, limit, steady)
         if demand.use is not None:
             unmade = jnp.where(three, period * missed, 0.0)
@@ -196,7 +199,7 @@ class TolerantThrusters(AbstractTolerantActuators):
             push = cast(RealScalar, settling.push)
             pushed, leaking = leaks.push(fit, push, duty, limit, period, leaking)
             duty = jnp.where(plane, pushed, duty)
-        duty = jnp.where(three | plane, duty, self.damping(sample, now))
+        duty = jnp.where(holds, duty, self.damping(sample, now, duty))
         if demand.instead is not None:
             duty = jnp.where(demand.instead.when, demand.instead.use, duty)
         if demand.besides is not None:
@@ -243,8 +246,11 @@ class TolerantThrusters(AbstractTolerantActuators):
         torque = jnp.where(plane, directions @ command, demand.torque)
         return torque, jnp.where(plane, beside, demand.steady), settling, leaking
 
-    def damping(self, sample: Sample, memory: TolerantMemory) -> Float[Array, " m"]:
-        """Return duties against the rate about each thruster's torque."""
+    def damping(
+        self, sample: Sample, memory: TolerantMemory, opposing: Float[Array, " m"] | float = 0.0
+    ) -> Float[Array, " m"]:
+        """Return duties against the rate about each thruster's torque, beside those `opposing` what
+        flows out of failed thrusters."""
         torque = self.reconfiguration.torque
         size = jnp.sqrt(jnp.sum(torque**2, axis=0))
         units = torque / size[None]
@@ -252,9 +258,10 @@ class TolerantThrusters(AbstractTolerantActuators):
         inverse = law.model.spacecraft.inverse_inertia
         inertia = 1 / jnp.sum(units * (inverse @ units), axis=0)
         rate = -jnp.sum(units * sample.state.omega[:, None], axis=0)
-        above = jnp.maximum(rate - QUIET_SIGMAS * self.filter.rate_noise, 0.0)
+        quiet = QUIET_SIGMAS * self.filter.rate_noise
+        above = rate - jnp.clip(rate, -quiet, quiet)
         pull = 2 * law.damping * law.natural_frequency
-        duty = jnp.minimum(pull * inertia * above / size, 1.0)
+        duty = jnp.clip(opposing + pull * inertia * above / size, 0.0, 1.0)
         return jnp.where(memory.diagnosis.condition.failed, 0.0, duty)
 
     def alone(self, memory: TolerantMemory) -> tuple[BoolScalar, IntScalar]:

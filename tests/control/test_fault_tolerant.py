@@ -11,7 +11,8 @@ from scipy.optimize import linprog
 
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.control.diagnosis.residual import Reading
-from jaxsat.control.tolerant_actuators import Sample, TolerantMode
+from jaxsat.control.reconfiguration import Left
+from jaxsat.control.tolerant_actuators import Demand, Sample, TolerantMode
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
@@ -202,13 +203,31 @@ def test_damping_takes_energy_out_whatever_is_left():
     memory = law.init(run.loop.plant.complete(start)).actuators[0]
     rng = np.random.default_rng(6)
     torque = np.asarray(thrusters.reconfiguration.torque)
-    for omega in rng.normal(size=(20, 3)) * 0.1:
+
+    def sample(omega):
         state = PlantState(start.attitude, omega)
-        duty = np.asarray(
-            thrusters.damping(Sample(jnp.array(0.0), state, Reading(omega), law.healthy), memory)
-        )
+        return Sample(jnp.array(0.0), state, Reading(omega), law.healthy)
+
+    for omega in rng.normal(size=(20, 3)) * 0.1:
+        duty = np.asarray(thrusters.damping(sample(omega), memory))
         assert np.all(duty * (omega @ torque) <= 0)
         assert duty.max() > 0
+    # At rest it opposes what flows out of a failed thruster, and more slowly turns less.
+    flow = np.eye(torque.shape[1])[0]
+    failed = jnp.array(flow > 0)
+    condition = memory.diagnosis.condition._replace(failed=failed, flow=jnp.array(0.4 * flow))
+    struck = memory._replace(
+        diagnosis=memory.diagnosis._replace(condition=condition),
+        ability=memory.ability._replace(
+            left=jnp.array(int(Left.LESS)), limit=jnp.array(1.0 - flow)
+        ),
+    )
+    demand = Demand(jnp.zeros(3), jnp.zeros(3), jnp.array(False))
+    duty, _ = thrusters.act(sample(jnp.zeros(3)), demand, memory, struck)
+    np.testing.assert_allclose(torque @ duty, -0.4 * torque[:, 0], atol=1e-9)
+    along = 1e-2 * torque @ duty / np.linalg.norm(torque @ duty)
+    fewer = np.asarray(thrusters.damping(sample(along), struck, duty))
+    assert along @ torque @ fewer < along @ torque @ np.asarray(duty)
 
 
 EIGHT = (
