@@ -8,7 +8,6 @@ from jax import lax
 from jaxsat.compiler import Mapped
 from jaxsat.compiler.ir import Block, BlockSwitch, Loop, Operation, definitions, uses
 from jaxsat.compiler.llvm.target import host
-from jaxsat.compiler.passes import parts
 
 CASES = np.linspace(0.1, 2.0, 24)
 
@@ -121,36 +120,6 @@ def test_quotients_that_are_alike_in_every_round_are_before_the_loops():
     for loop in _loops(block):
         assert "sqrt" not in _names(loop.body)
         assert _names(loop.body).count("div") == 2  # y is another one each time
-
-
-@pytest.mark.parametrize("lanes", [0, 1])
-def test_long_loops_and_switches_are_functions_that_give_the_same_bits(monkeypatch, lanes):
-    def function(x, shared):
-        del shared
-
-        def inner(carry):
-            y, z = carry
-            z = lax.cond(y > 1.0, lambda: jnp.sin(z) * y + x, lambda: z / (1.0 + y * y))
-            return y * 0.7 + 0.01 * z, z
-
-        def outer(_, carry):
-            y, z = lax.while_loop(lambda at: at[0] > 0.2, inner, carry)
-            return y + 1.0 + x, z * y - jnp.sin(x)
-
-        return lax.fori_loop(0, 90, outer, (x, x * x))
-
-    whole = Mapped(function, 0.0, lanes=lanes)
-    monkeypatch.setattr(parts, "LEAST", 5)
-    divided = Mapped(function, 0.0, lanes=lanes)
-    calls = {call.function.name for call in divided.entry_point.function.block.calls()}
-    assert "one.part3" in calls  # the loop outside, after the switch and the loop in it
-    assert not any(
-        "part" in call.function.name for call in whole.entry_point.function.block.calls()
-    )
-    for found, right in zip(divided(CASES), whole(CASES), strict=True):
-        np.testing.assert_array_equal(found, right)
-    for found, right in zip(divided(CASES), divided.interpreted(CASES), strict=True):
-        np.testing.assert_allclose(found, right, rtol=1e-9)
 
 
 def test_the_least_of_many_is_found_in_pairs():

@@ -43,7 +43,6 @@ from jaxsat.compiler.llvm.locations import (
 )
 from jaxsat.compiler.lowering import bugs_in
 from jaxsat.compiler.passes.dead_code import DeadCodeElimination, dependencies, reachable
-from jaxsat.compiler.passes.parts import with_parts
 from jaxsat.compiler.passes.scheduling import merge_cold_branches, move_invariants, schedule
 
 
@@ -77,13 +76,11 @@ class EntryPoint:
 
     @bugs_in("optimisation")
     def optimised(self) -> "EntryPoint":
-        """Without dead code, invariants before loops, cold branches merged, steps scheduled, and
-        long loops and switches as functions."""
+        """Without dead code, invariants before loops, cold branches merged, steps scheduled."""
         elimination = DeadCodeElimination(self.function.block, self.function.results)
         move_invariants(self.function.block)
         merge_cold_branches(self.function.block)
         schedule(self.function.block, self.function.results)
-        with_parts(self.function)
         keep = [param.number in elimination.live for param in self.function.params]
         function = replace(self.function, params=list(compress(self.function.params, keep)))
         return EntryPoint(function, list(compress(self.inputs, keep)), self.outputs)

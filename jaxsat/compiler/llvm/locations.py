@@ -4,12 +4,12 @@ Numbers are rematerialised: loaded again in every basic block that needs them ra
 registers, which lowers register pressure.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from jaxsat.compiler.ir import Block, Call, Function, Value
+from jaxsat.compiler.ir import Block, Function, Value
 from jaxsat.compiler.llvm.emitter import AbstractEmitter, memory_type
 
 
@@ -91,13 +91,6 @@ def _address(emitter: AbstractEmitter, dtype: np.dtype, location: SharedElement)
     return where
 
 
-def _all_calls(function: Function) -> Iterator[Call]:
-    """The calls of a function and of those that it calls."""
-    for call in function.block.calls():
-        yield call
-        yield from _all_calls(call.function)
-
-
 def parameter_locations(
     block: Block, locations: Known
 ) -> dict[int, dict[int, SharedElement | Slot]]:
@@ -106,7 +99,7 @@ def parameter_locations(
     The result is by the function's identity. Functions that others call as well have none.
     """
     calls = list(block.calls())
-    inner = {id(call.function) for outer in calls for call in _all_calls(outer.function)}
+    inner = {id(call.function) for outer in calls for call in outer.function.block.calls()}
     known: dict[int, dict[int, SharedElement | Slot]] = {}
     functions: dict[int, Function] = {id(call.function): call.function for call in calls}
     for identity, function in functions.items():
