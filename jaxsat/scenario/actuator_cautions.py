@@ -136,7 +136,7 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
         after = int(np.argmax(shares > 1))
         part = (1 - shares[after - 1]) / (shares[after] - shares[after - 1])
         full = times[after - 1] + part * (times[after] - times[after - 1])
-        remark = f"; they are full after {full:.4g} s"
+        remark = f"; they are full after {full:.4g} s, counting constant_N_m, no other torque"
     message = (
         "should hold the momentum of body and wheels when the attitude is reached: along one "
         f"direction {abs(momenta[worst] @ loads[worst][1]):.4g} N m s, "

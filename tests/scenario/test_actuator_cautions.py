@@ -159,7 +159,7 @@ def test_wheels_that_a_constant_torque_fills_are_told_with_the_time():
     still = ("initial.quaternion=[1,0,0,0]", "initial.omega_rad_s=[0,0,0]")
     pushed = "disturbance.constant_N_m=[0,0,0.05]"
     (message,) = told("wheels-fail", *still, pushed, *OWN)[0]
-    assert f"full after {4 * 20 / np.sqrt(2) / 0.05:.4g} s" in message
+    assert f"full after {4 * 20 / np.sqrt(2) / 0.05:.4g} s, counting constant_N_m" in message
     assert not told("wheels-fail", *still, pushed.replace("0.05", "0.045"), *OWN)[0]
     orbit = ("orbit.rate_rad_s=0.001", "disturbance.constant_N_m=[0.01,0.02,0.03]")
     start = ("initial.quaternion=[1,0,0,0]", "initial.omega_rad_s=[0,-0.001,0]")
