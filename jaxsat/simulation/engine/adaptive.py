@@ -282,7 +282,8 @@ def _accept_step(tolerance, ode, before: Progress, candidate: Progress, active, 
         lambda new, old: jnp.where(accepted & good, new, old), candidate, before
     )
     if before.forced is not None:
-        progress = progress._replace(forced=before.forced + (accepted & (norm > 1)))
+        forced = (accepted & (norm > 1)).astype(before.forced.dtype)
+        progress = progress._replace(forced=before.forced + forced)
     return progress._replace(code=code, steps=steps)
 
 

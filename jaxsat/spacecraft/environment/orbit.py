@@ -133,8 +133,8 @@ def place_on_circle(angle: RealScalar, count: int) -> tuple[IntScalar, RealScala
     share of the way from there to the next."""
     place = angle * (count / (2 * np.pi))
     place = place - count * jnp.floor(place / count)
-    low = jnp.minimum(jnp.floor(place), count - 1).astype(int)
-    return low, place - low
+    low = jnp.minimum(jnp.floor(place), count - 1)
+    return low.astype(int), place - low
 
 
 DIPOLE = (-1450.9e-9, 4652.5e-9, -29404.8e-9)

@@ -1,4 +1,6 @@
-"""Runs under JAX's own checks: no promotion of types but told, and an error at the first NaN."""
+"""Runs under JAX's own checks: no implicit promotion of types, and an error at the first NaN."""
+
+import contextlib
 
 import jax
 import numpy as np
@@ -9,13 +11,12 @@ from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.simulation.engine.single import simulate
 
-CASES = (
-    pytest.param("benchmark-three-axis", "10", marks=pytest.mark.slow),
-    # pulses, a diagnosis whose unknown numbers are NaN
-    pytest.param("thruster-dies", "10", marks=pytest.mark.slow),
-    pytest.param("wheels-fail", "10", marks=pytest.mark.slow),
-    pytest.param("two-wheel-telescope", "10", marks=pytest.mark.slow),
-    pytest.param("switching-rounded", "10", marks=pytest.mark.slow),
+SCENARIOS = (
+    "benchmark-three-axis",
+    "thruster-dies",  # pulses, a diagnosis whose unknown numbers are NaN
+    "wheels-fail",
+    "cubesat-3w3m",  # magnetorquers, with gains around the orbit
+    "switching-rounded",
 )
 
 
@@ -23,31 +24,35 @@ def refuse(obstacle):
     raise AssertionError(obstacle)
 
 
-def strictly():
-    return jax.numpy_dtype_promotion("strict"), jax.debug_nans(True)
+@contextlib.contextmanager
+def strictly(monkeypatch, folder):
+    """Both checks, and no kernel that was traced without them."""
+    monkeypatch.setenv("JAXSAT_CACHE_DIR", str(folder))
+    with jax.numpy_dtype_promotion("strict"), jax.debug_nans(True):
+        yield
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")
-@pytest.mark.parametrize(("name", "seconds"), CASES)
-def test_scenarios_fly_under_both(name, seconds):
-    changes = [f"simulation.duration_s={seconds}"]
-    usual = build(load(name, changes)).simulate(refuse)
-    promotion, nans = strictly()
-    with promotion, nans:
-        found = build(load(name, changes)).simulate(refuse)
-    for x, y in zip(jax.tree.leaves(found), jax.tree.leaves(usual), strict=True):
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_scenarios_fly_under_both(name, monkeypatch, tmp_path):
+    scenario = load(name, ["simulation.duration_s=10"])
+    with strictly(monkeypatch, tmp_path):
+        strict = build(scenario).simulate(refuse)
+        assert any(tmp_path.rglob("*.kernel"))
+    usual = build(scenario).simulate(refuse)
+    for x, y in zip(jax.tree.leaves(strict), jax.tree.leaves(usual), strict=True):
         np.testing.assert_array_equal(x, y)
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")
-def test_studies_and_diffrax_do_too():
+def test_studies_and_diffrax_do_too(monkeypatch, tmp_path):
     scenario = load("acceptance-mc", ["simulation.duration_s=4", "simulation.save_every_s=1"])
-    promotion, nans = strictly()
-    with promotion, nans:
+    with strictly(monkeypatch, tmp_path):
         run = build(scenario)
         trajectory = simulate(run.loop, run.start, run.times, method=run.method)
         assert int(trajectory.code) == 0
-        found = build_study(scenario, 2, engine="scan", batch_size=1).evaluate(np.arange(2))
-    assert found.code.tolist() == [0, 0]
-    assert not np.isfinite(found.settling_time).any()
+        study = build_study(scenario, 2, engine="scan", batch_size=1).evaluate(np.arange(2))
+    assert study.code.tolist() == [0, 0]
+    assert not np.isfinite(study.settling_time).any()
