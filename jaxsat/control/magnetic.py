@@ -24,7 +24,7 @@ from jaxsat.control.periodic_gain import (
 )
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
-from jaxsat.core.checks import as_optional_float, positive
+from jaxsat.core.checks import as_float, as_optional_float, positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.magnetic import MAGNETIC_CONTROL
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
@@ -81,7 +81,8 @@ class MagneticLaw(AbstractSampledController):
     wheels is -k (1 - b bᵀ) ω_r, b = B / |B|, as by a dipole against the change of the field in the
     body (B-dot). h is the momentum of wheels and h0 their bias, along the orbit normal: slewing
     turns one to the other, as the body does not turn away from the momentum of its wheels. x = (θ,
-    ω_r, η, d), η the momentum of wheels beyond a bias along body -y. `damping` is k (N m s),
+    ω_r, η, d), η the momentum of wheels beyond a bias along body -y; wheels that failed before the
+    start coast with the momentum `coasting` (N m s, body axes). `damping` is k (N m s),
     `stiffness` s (N m), `slew_damping` c (N m s). A tumble has been stopped once |ω_r| is below
     `pointing_rate` (rad/s). `gain` is K, periodic in orbit and day; it is not made for large turns,
     hence the slew. A residual dipole m of the body and a constant torque d are estimated by what d
@@ -102,6 +103,7 @@ class MagneticLaw(AbstractSampledController):
     damping: RealScalar = eqx.field(converter=positive("damping"))
     pointing_rate: RealScalar = eqx.field(converter=positive("pointing_rate"))
     period: RealScalar = eqx.field(converter=positive("period"))
+    coasting: Vector = eqx.field(converter=as_float, default=(0.0, 0.0, 0.0))
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "MagneticLaw":
@@ -133,13 +135,15 @@ class MagneticLaw(AbstractSampledController):
             damping=_damping(field, moments[0]) if damping is None else damping,
             pointing_rate=SLOW * rate if pointing is None else pointing,
             period=values["period_s"],
+            coasting=magnetic.momentum - np.asarray(magnetic.steering.bias),
         )
 
     def holds_with(self, rods: Bool[np.ndarray, " rods"]) -> bool:
         """Return whether small errors fall over a day if it commands all rods, and these work."""
         shares = np.asarray(self.steering.shares) * rods[:, None]
         working = MagneticContext(
-            dataclasses.replace(self.steering, shares=shares), np.asarray(self.steering.bias)
+            dataclasses.replace(self.steering, shares=shares),
+            np.asarray(self.steering.bias) + np.asarray(self.coasting),
         )
         inertia = np.asarray(self.model.spacecraft.inertia)
         pulled = has_gravity_gradient(self.model.disturbance)

@@ -94,6 +94,22 @@ def test_wheels_of_one_axis_are_judged_by_their_own_gains():
     assert not one_set.holds_with(np.zeros((3, 0)), rods)
 
 
+def test_rods_that_are_left_are_judged_beside_a_wheel_that_coasts():
+    """Its momentum makes the body stiff, for which the gains are made: without it they diverge."""
+    wheel = {"axis": [0, -1, 0], "torque_limit_N_m": 5e-3, "momentum_N_m_s": 0.06, "failed": True}
+    chosen = load("wheel-and-rods").model_dump(
+        exclude_none=True, exclude={"unloading", "dispersion"}
+    )
+    control = {"law": "fault-tolerant", "natural_frequency_rad_s": 0.02, "period_s": 2}
+    law = build(
+        Scenario.model_validate(chosen | {"wheel": [wheel], "control": control})
+    ).loop.controller
+    rods = np.array([True, True, False])
+    assert law.holds_by_rods(np.zeros((3, 0)), rods)
+    stopped = eqx.tree_at(lambda one: one.magnetic.laws.coasting, law, jnp.zeros(3))
+    assert not stopped.holds_by_rods(np.zeros((3, 0)), rods)
+
+
 def test_a_dipole_that_no_magnetorquer_opposes_is_turned_into_the_field(cubesat):
     """By the only dipole of two others whose sum with it makes no torque, where it is small."""
     steering, rng = cubesat.rods.steering, np.random.default_rng(4)
