@@ -11,11 +11,13 @@ from pydantic import ValidationError
 from jaxsat.control.fine import OscillatorySettling
 from jaxsat.control.planned import PlannedSettling
 from jaxsat.control.supervisor import ThreeSlewSettling
+from jaxsat.control.what_is_left import LEFT
+from jaxsat.controllability.judgement import Judgement
 from jaxsat.core.declaration.laws import Law
 from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE
 from jaxsat.core.errors import ArgumentError
 from jaxsat.scenario import Scenario
-from jaxsat.scenario.build.actuator_set import FAULT_TOLERANT, fitting_laws
+from jaxsat.scenario.build.actuator_set import FAULT_TOLERANT, fitting_laws, judge_scenario
 from jaxsat.scenario.build.run import build, build_loop, build_tolerances
 from jaxsat.scenario.checks import SOLVER_KEYS
 from jaxsat.scenario.control import known_law, required_law
@@ -105,7 +107,8 @@ def fitting_candidates(
     names = [law] if law not in (ALL, QUICK) else fitting_laws(scenario, verdict.judgement)
     slow = [name for name in names if law == QUICK and name in SLOW_LAWS]
     candidates, left_out = [], []
-    for name, table in _tables(scenario, [one for one in names if one not in slow], law):
+    orbital = _orbital_law(verdict.judgement)
+    for name, table in _tables(scenario, [one for one in names if one not in slow], law, orbital):
         under_law = _scenario_or_reason(scenario, table, complete)
         if isinstance(under_law, str):
             left_out.append(f"{name}: {under_law}")
@@ -119,7 +122,8 @@ def usual_control(scenario: Scenario, law: str) -> dict[str, Any]:
     """Return the `[control]` table of a law's candidate; empty if the vehicle has none."""
     if law not in GAINS:
         return {}
-    table = _maker(law, GAINS[law][""], scenario)
+    orbital = _orbital_law(judge_scenario(scenario)) if scenario.magnetorquer else None
+    table = _maker(law, GAINS[law][""], scenario, orbital)
     try:
         return table(scale_of(_with_control(scenario, table(UNIT), UNIT)))
     except ValueError:
@@ -185,22 +189,28 @@ Maker = Callable[[Scale], dict[str, Any]]
 UNIT = Scale((1.0, 1.0), 1.0)
 
 
-def _tables(scenario: Scenario, names: list[str], law: str) -> Iterator[tuple[str, Maker]]:
+def _orbital_law(judgement: Judgement) -> Law | None:
+    """Return the law for magnetorquers if they decide, None otherwise."""
+    laws = (known_law(name) for name in LEFT[judgement.laws].laws)
+    return next((law for law in laws if law and law.declaration.takes_orbits), None)
+
+
+def _tables(
+    scenario: Scenario, names: list[str], law: str, orbital: Law | None
+) -> Iterator[tuple[str, Maker]]:
     """Yield names of candidates of these laws, and the maker of each `[control]` table."""
     own = scenario.control.model_dump(exclude_none=True)
-    laws = {name: known_law(name) for name in names}
-    pace = next((name for name, one in laws.items() if one and one.declaration.takes_orbits), None)
     for name in names:
         default = name == own["law"] and _is_default(own, name)
         is_own = name == own["law"] and (law == name or (law == QUICK and not default))
         if is_own and not default:
             yield f"{name}, as given", lambda scale: own
         elif is_own:
-            yield name, _own_maker(scenario)
+            yield name, _own_maker(scenario, orbital)
         if is_own and default:
             continue
         for variant, gains in GAINS.get(name, {}).items():
-            yield name + variant, _maker(name, gains, scenario, pace)
+            yield name + variant, _maker(name, gains, scenario, orbital)
         if not is_own and name not in GAINS:
             yield name, lambda scale, name=name: {"law": name}
 
@@ -211,27 +221,25 @@ def _is_default(own: Mapping[str, Any], name: str) -> bool:
     return law is not None and not any(own.get(key) is not None for key in law.declaration.tunable)
 
 
-def _own_maker(scenario: Scenario) -> Maker:
+def _own_maker(scenario: Scenario, orbital: Law | None) -> Maker:
     """Return the maker of the `[control]` table of the scenario itself."""
     own = scenario.control.model_dump(exclude_none=True)
-    return lambda scale: own | _period(scenario, known_law(own["law"]), scale)
+    return lambda scale: own | _period(scenario, known_law(own["law"]), scale, orbital)
 
 
-def _period(scenario: Scenario, law: Law | None, scale: Scale) -> dict[str, float]:
+def _period(
+    scenario: Scenario, law: Law | None, scale: Scale, orbital: Law | None
+) -> dict[str, float]:
     """Return the `period_s` of a law's table, which only a sampled law has."""
     if law is None or not law.declaration.sampled:
         return {}
-    return {"period_s": control_period(scenario, law, scale)}
+    return {"period_s": control_period(scenario, law, scale, orbital)}
 
 
-def _maker(name: str, gains: Gains, scenario: Scenario, pace: str | None = None) -> Maker:
-    """Return the maker of the table of a built-in law, with the model of the scenario.
-
-    The default control period is that of the law `pace`, by default of the law itself.
-    """
+def _maker(name: str, gains: Gains, scenario: Scenario, orbital: Law | None) -> Maker:
+    """Return the maker of the table of a built-in law, with the model of the scenario."""
     law, own = known_law(name), scenario.control.model_dump(exclude_none=True)
     assert law is not None
-    paced = known_law(pace or name)
     rates, numbers = gains
     has_model = law.declaration.has_model and "model" in own
     model = {"model": own["model"]} if has_model else {}
@@ -242,7 +250,8 @@ def _maker(name: str, gains: Gains, scenario: Scenario, pace: str | None = None)
             key: float(f"{value * units.get(key, 1 / scale.time):.4g}")
             for key, value in rates.items()
         }
-        return {"law": name, **numbers, **model, **_period(scenario, paced, scale), **scaled_gains}
+        period = _period(scenario, law, scale, orbital)
+        return {"law": name, **numbers, **model, **period, **scaled_gains}
 
     return table
 

@@ -19,22 +19,33 @@ So it is on the acceptance set at 1 N m, with 0.1 s. Gains of shorter periods ar
 periods settle later.
 """
 
+QUICKEST = 0.8
+"""Largest natural frequency of a candidate, over 1/τ."""
 
-def control_period(scenario: Scenario, law: Law, scale: Scale) -> float:
+
+def control_period(scenario: Scenario, law: Law, scale: Scale, orbital: Law | None = None) -> float:
     """Return the period (s) that the scenario gives; or the law's own, longer for slow bodies.
 
-    Beside sensors it is not made longer, as they give their noise per sample.
+    Beside sensors it is not made longer, as they give their noise per sample. Where magnetorquers
+    decide, it is that of the law `orbital`, which is made for them, or shorter, so that the
+    quickest candidate turns by at most `LARGEST_ANGLE`.
     """
     usual, control, own_law = _usual(law), scenario.control, known_law(scenario.control.law)
     period = getattr(control, "period_s", None) or usual
     if own_law is None or period != _usual(own_law):
         return period
-    sensors = scenario.sampling or scenario.gyro or scenario.star_tracker
-    if sensors or law.declaration.takes_orbits or "period_s" in control.model_fields_set:
+    if law.declaration.takes_orbits:
         return usual
-    motion = fastest(scenario)
-    by_motion = math.inf if motion is None else LARGEST_ANGLE / motion.rate
-    longest = min(LARGEST_STEP * scale.time, by_motion)
+    if "period_s" in control.model_fields_set:
+        return period
+    if orbital is not None:
+        longest = min(_usual(orbital), LARGEST_ANGLE / QUICKEST * scale.time)
+    elif scenario.sampling or scenario.gyro or scenario.star_tracker:
+        return usual
+    else:
+        motion = fastest(scenario)
+        by_motion = math.inf if motion is None else LARGEST_ANGLE / motion.rate
+        longest = min(LARGEST_STEP * scale.time, by_motion)
     return float(f"{usual * max(1, math.floor(longest / usual)):.6g}")
 
 

@@ -20,6 +20,7 @@ from jaxsat.synthesis.controller_design.candidates import (
     GAINS,
     Candidate,
     fitting_candidates,
+    usual_control,
     with_larger_end_game,
     with_scaled_gains,
     written_out,
@@ -362,12 +363,35 @@ def test_magnetorquers_get_their_law_in_the_time_of_an_orbit(tmp_path):
     ]
     durations = {one.scenario.simulation.duration_s for one in fitting.candidates}
     assert len(durations) == 1
-    for one in fitting.candidates:
+    alone = fitting_candidates(scenario, verdict, "fault-tolerant", complete).candidates
+    for one in (*fitting.candidates, *alone):
         rate = one.scenario.orbit.rate()
         assert scale_of(one.scenario).time == pytest.approx(1 / rate)
         assert one.scenario.simulation.duration_s > 3 * 2 * np.pi / rate
         assert one.scenario.control.period_s == 1.0
         assert one.scenario.dispersion is not None
+
+
+@pytest.mark.parametrize(
+    ("torque", "control", "period"),
+    [
+        (None, "", 1.0),
+        (5e-3, "", 1.0),
+        (0.2, "", 0.3),  # a tenth of the 3.4 s in which it turns the body by half a radian
+        (1.0, "", 0.1),
+        (1.0, "law = 'magnetic'\nperiod_s = 1.0", 1.0),
+        (None, "law = 'magnetic'\nperiod_s = 4.0", 4.0),
+    ],
+    ids=["no wheel", "slow wheel", "quick wheel", "quickest wheel", "usual given", "given"],
+)
+def test_beside_magnetorquers_the_period_is_that_of_their_law_or_less(
+    tmp_path, torque, control, period
+):
+    wheel = f"\n[[wheel]]\naxis = [0, 1, 0]\ntorque_limit_N_m = {torque}\n" if torque else ""
+    table = f"\n[control]\n{control}\n" if control else ""
+    (tmp_path / "rods.toml").write_text(RODS + wheel + table)
+    scenario = read_vehicle(tmp_path / "rods.toml").scenario
+    assert usual_control(scenario, "fault-tolerant")["period_s"] == period
 
 
 def test_a_vehicle_with_gyros_is_refused_by_name(tmp_path):
