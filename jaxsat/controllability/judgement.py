@@ -27,7 +27,8 @@ class OrbitRank:
     `dimension`: reached directions of attitude, rate and wheel momentum. `margin` is the ratio of
     the least to the largest singular value of a factor of the Gramian, its minimum and maximum as
     the Earth turns. `turn` (rad) is the angle from the orbit frame to the rest; NaN without a rest
-    near it, where the rank is unknown.
+    near it, where the rank is unknown. It is zero, too, where no attitude near the orbit frame is
+    an equilibrium and magnetorquers hold the body there by the part `opposing` of their limits.
     """
 
     rods: int
@@ -36,10 +37,11 @@ class OrbitRank:
     dimension: int
     margin: tuple[float, float]
     turn: float
+    opposing: float = 0.0
 
     @property
     def rests(self) -> bool:
-        """Whether some attitude near the orbit frame is an equilibrium."""
+        """Whether the body rests near the orbit frame, by itself or by magnetorquers."""
         return self.turn == self.turn
 
 
@@ -54,7 +56,7 @@ class Judgement:
       or magnetorquers along one axis suffice;
     - "some attitudes": two wheels with remaining momentum, which hold only attitudes n·CH = n·β;
     - "not decided": thrusters with less than three torques, beside a coasting wheel; or
-      magnetorquers where no attitude near the orbit frame is an equilibrium;
+      magnetorquers where no attitude near the orbit frame is an equilibrium, and they hold none;
     - "borderline": the data or their round-off decide, or the field hardly turns at times of a day;
     - "uncontrollable".
 

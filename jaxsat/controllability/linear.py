@@ -36,7 +36,6 @@ def lvlh_linearisation(
     """
     layout = make_layout(inertia, torque_axes)
     matrix = layout.inertia
-    orbital = np.array([0.0, -float(orbit_rate), 0.0])
     if not np.isfinite(orbit_rate):
         raise ValueError(f"Argument `orbit_rate` must be finite, but got {orbit_rate}")
     scale = np.max(np.abs(matrix))
@@ -45,12 +44,20 @@ def lvlh_linearisation(
             "Argument `inertia` must have the body y axis as a principal axis for an equilibrium "
             f"in the orbit frame, but got products {matrix[0, 1]} and {matrix[1, 2]}"
         )
+    torque = np.linalg.solve(matrix, layout.torque_axes)
+    return orbital_motion(matrix, orbit_rate), np.concatenate([np.zeros_like(torque), torque])
+
+
+def orbital_motion(
+    inertia: Float[np.ndarray, "3 3"], orbit_rate: float | int
+) -> Float[np.ndarray, "6 6"]:
+    """Return A of `lvlh_linearisation`, also of a body that a constant torque holds there."""
+    orbital = np.array([0.0, -float(orbit_rate), 0.0])
     state = np.zeros((6, 6))
     state[:3, :3] = -skew(orbital)
     state[:3, 3:] = np.eye(3)
-    state[3:, 3:] = np.linalg.solve(matrix, skew(matrix @ orbital) - skew(orbital) @ matrix)
-    torque = np.linalg.solve(matrix, layout.torque_axes)
-    return state, np.concatenate([np.zeros_like(torque), torque])
+    state[3:, 3:] = np.linalg.solve(inertia, skew(inertia @ orbital) - skew(orbital) @ inertia)
+    return state
 
 
 @dataclass(frozen=True, eq=False)

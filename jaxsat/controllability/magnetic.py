@@ -1,4 +1,4 @@
-"""Authority of magnetorquers about rest in the orbit frame, analysed over an orbit.
+"""Authority of magnetorquers about rest near the orbit frame, analysed over an orbit.
 
 A dipole m makes the torque m × B, so at one instant no magnetorquer turns the body about the
 Earth's field B. As B turns along the orbit the missing direction turns with it, and the linear
@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.control.periodic_gain import LinearMotion, floquet_multipliers, periodic_gain
-from jaxsat.controllability.layout import TOLERANCE, Numbers
-from jaxsat.controllability.linear import lvlh_linearisation
+from jaxsat.controllability.layout import TOLERANCE
+from jaxsat.controllability.linear import orbital_motion
 from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION, AbstractMagneticField
 
 DAY = 2 * np.pi / EARTH_ROTATION  # s
@@ -25,7 +25,7 @@ DEGREE = np.pi / 180
 
 @dataclass(frozen=True, eq=False)
 class MagneticAuthority:
-    """Authority of magnetorquers at rest in the orbit frame, without thrusters and wheels.
+    """Authority of magnetorquers at rest near the orbit frame, without thrusters and wheels.
 
     - `field`: smallest and largest size of B within a day, T.
     - `torque`: the mean over a day of the largest torque about body x, y, z, N m.
@@ -41,33 +41,35 @@ class MagneticAuthority:
 
 
 def magnetic_authority(
-    inertia: Numbers,
+    inertia: Float[np.ndarray, "3 3"],
     axes: Float[np.ndarray, "3 k"],
     limits: Float[np.ndarray, " k"],
     field: AbstractMagneticField,
+    to_body: Float[np.ndarray, "3 3"],
 ) -> MagneticAuthority:
-    """Analyse magnetorquers along `axes` (body axes) with dipole `limits` (A m²) in a `field`.
+    """Analyse magnetorquers along `axes` with dipole `limits` (A m²) in a `field`.
 
-    `inertia` (3,) or (3, 3) in kg m². A singular value of the linear system below `TOLERANCE` times
-    the largest is zero. Raises NoEquilibriumError (a ValueError) unless the body y axis is a
-    principal axis.
+    Axes and `inertia` (kg m²) are in body axes, and the body rests at the attitude `to_body`. A
+    singular value of the linear system below `TOLERANCE` times the largest is zero.
     """
     rate = float(field.circle.rate)
     orbit = 2 * np.pi / rate
-    state, to_rates = lvlh_linearisation(inertia, np.eye(3), rate)
+    at_rest = to_body.T @ inertia @ to_body  # in axes along those of the orbit frame
+    state = orbital_motion(at_rest, rate)
+    to_rates = np.concatenate([np.zeros((3, 3)), np.linalg.inv(at_rest)])
     count = max(round(DAY / orbit * STEPS), STEPS)
     instants = (np.arange(count) + 0.5) * orbit / STEPS
     there = field.sampled(instants, EARTH_ROTATION * instants)
-    units = axes / np.linalg.norm(axes, axis=0)
-    torques = np.cross((units * limits).T[None], there[:, None])  # instants, magnetorquers, body
-    about = np.abs(torques).sum(axis=1)
+    units = to_body.T @ axes / np.linalg.norm(axes, axis=0)
+    torques = np.cross((units * limits).T[None], there[:, None])  # instants, magnetorquers, orbit
+    about = np.abs(torques @ to_body.T).sum(axis=1)
     factor = _factor(state, to_rates, torques[:STEPS], rate)
     sizes = np.linalg.norm(there, axis=1)
     return MagneticAuthority(
         field=(float(sizes.min()), float(sizes.max())),
         torque=about.mean(axis=0),
         largest=float(about.max()),
-        effort=_effort(factor),
+        effort=_effort(factor, to_body),
     )
 
 
@@ -96,13 +98,15 @@ def _factor(
     return np.concatenate(blocks, axis=1)
 
 
-def _effort(factor: Float[np.ndarray, "6 n"]) -> Float[np.ndarray, "3"]:
-    """Return the least root mean square of the inputs that removes one degree about each axis."""
+def _effort(
+    factor: Float[np.ndarray, "6 n"], to_body: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "3"]:
+    """Return the least root mean square of the inputs to remove one degree about each body axis."""
     directions, values, _ = np.linalg.svd(factor, full_matrices=False)
     solid = values > TOLERANCE * values.max()
     efforts = np.full(3, np.inf)
     for axis in range(3):
-        parts = DEGREE * directions[axis]
+        parts = DEGREE * to_body[axis] @ directions[:3]
         if np.linalg.norm(parts[~solid]) <= 1e-9 * DEGREE:
             efforts[axis] = np.linalg.norm(parts[solid] / values[solid])
     return efforts
@@ -120,11 +124,11 @@ def magnetic_words(authority: MagneticAuthority, thruster: float, wheels: bool) 
     )
     unload = "; they unload wheel momentum perpendicular to the field" if wheels else ""
     return [
-        f"Magnetorquers: at rest in the orbit frame at most {authority.largest:.2g} N m{beside}, "
+        f"Magnetorquers: at rest near the orbit frame at most {authority.largest:.2g} N m{beside}, "
         f"and on average {torques} N m about body x, y, z, in a field of {low} to {high} µT; none "
         f"about the field itself{unload}",
         f"Magnetorquers alone remove one degree about x, y, z within an orbit by {efforts} % of "
-        "their limits (rms), in the linear system about the orbit frame without gravity gradient",
+        "their limits (rms), in the linear system about that rest without gravity gradient",
     ]
 
 

@@ -22,12 +22,58 @@ _ITERATIONS, _LARGEST_STEP, _BALANCED = 50, 0.2, 1e-12
 class OrbitRest(NamedTuple):
     """A rest near the orbit frame: `to_body` is C (v_body = C v_orbit), `turn` its angle (rad).
 
-    `momentum` is that of wheels there, over the orbit's rate (kg m², body axes).
+    `momentum` is that of wheels there, over the orbit's rate (kg m², body axes). Magnetorquers need
+    the part `opposing` of their limits to rest there: zero at an equilibrium.
     """
 
     to_body: Float[np.ndarray, "3 3"]
     momentum: Float[np.ndarray, "3"]
     turn: float
+    opposing: float = 0.0
+
+
+class _Balance(NamedTuple):
+    """Torques on a body at rest, over the square of the orbit's rate (kg m², body axes).
+
+    `torque` is left after wheels balance what they can by the `momentum`; `keeps` projects on it.
+    """
+
+    momentum: Float[np.ndarray, "3"]
+    torque: Float[np.ndarray, "3"]
+    keeps: Float[np.ndarray, "3 3"]
+
+
+def _balance(
+    to_body: Float[np.ndarray, "3 3"],
+    inertia: Float[np.ndarray, "3 3"],
+    momentum: Float[np.ndarray, "3"],
+    basis: Float[np.ndarray, "3 p"],
+    pull: float,
+) -> _Balance:
+    normal, nadir = to_body @ NORMAL, to_body @ NADIR
+    across = np.cross(normal, basis.T).T
+    ways, sizes, made = np.linalg.svd(across, full_matrices=False)
+    ways, made = ways[:, sizes > ACROSS], made[sizes > ACROSS]
+    torque = np.cross(normal, inertia @ normal + momentum)
+    torque -= pull * np.cross(nadir, inertia @ nadir)
+    held = momentum - basis @ (made.T @ (ways.T @ torque / sizes[sizes > ACROSS]))
+    keeps = np.eye(3) - ways @ ways.T
+    return _Balance(held, keeps @ torque, keeps)
+
+
+def balance_at_frame(
+    inertia: Float[np.ndarray, "3 3"],
+    momentum: Float[np.ndarray, "3"],
+    basis: Float[np.ndarray, "3 p"],
+    *,
+    gravity_gradient: bool,
+) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    """Return the momentum of wheels in the orbit frame, and the torque that they leave there.
+
+    Over the orbit's rate, and over its square (both kg m²); arguments as of `rest_near_frame`.
+    """
+    held, torque, _ = _balance(np.eye(3), inertia, momentum, basis, 3.0 * gravity_gradient)
+    return held, torque
 
 
 def rest_near_frame(
@@ -50,14 +96,7 @@ def rest_near_frame(
     size, pull = np.abs(inertia).max() + np.linalg.norm(held), 3.0 * gravity_gradient
     for _ in range(_ITERATIONS):
         normal, nadir = turn @ NORMAL, turn @ NADIR
-        across = np.cross(normal, basis.T).T
-        ways, sizes, made = np.linalg.svd(across, full_matrices=False)
-        ways, made = ways[:, sizes > ACROSS], made[sizes > ACROSS]
-        torque = np.cross(normal, inertia @ normal + held)
-        torque -= pull * np.cross(nadir, inertia @ nadir)
-        held = held - basis @ (made.T @ (ways.T @ torque / sizes[sizes > ACROSS]))
-        keeps = np.eye(3) - ways @ ways.T
-        rest = keeps @ torque
+        held, rest, keeps = _balance(turn, inertia, held, basis, pull)
         if np.linalg.norm(rest) <= _BALANCED * size:
             angle = float(Rotation.from_matrix(turn).magnitude())
             return OrbitRest(turn, held, angle) if angle <= MOST_TURN else None

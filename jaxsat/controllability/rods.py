@@ -2,9 +2,10 @@
 
 At an instant magnetorquers make two torques, across the Earth's field, and wheels those about their
 axes. As the field turns along the orbit, the linear motion of attitude, rate and wheel momentum
-about rest in the orbit frame can be controllable although at no instant it is. Its Gramian over an
-orbit decides (Bhat, IEEE Trans. Automatic Control 50, 2005, pages 1725-1735), for the motion from
-which the law `magnetic` has its gains (`jaxsat.control.periodic_gain`). Thrusters are left out.
+about rest near the orbit frame can be controllable although at no instant it is. Its Gramian over
+an orbit decides (Bhat, IEEE Trans. Automatic Control 50, 2005, pages 1725-1735), for the motion
+from which the law `magnetic` has its gains (`jaxsat.control.periodic_gain`). Thrusters are left
+out.
 """
 
 import dataclasses
@@ -17,7 +18,13 @@ from jaxtyping import Float
 from jaxsat.control.periodic_gain import TURNS, reference_moment, small_motion
 from jaxsat.control.what_is_left import Laws
 from jaxsat.controllability.judgement import Judgement, OrbitRank, Verdict
-from jaxsat.controllability.orbit_rest import NORMAL, rest_near_frame
+from jaxsat.controllability.orbit_rest import (
+    MOST_TURN,
+    NORMAL,
+    OrbitRest,
+    balance_at_frame,
+    rest_near_frame,
+)
 from jaxsat.core.once import once_property
 from jaxsat.spacecraft.environment.orbit import AbstractMagneticField
 
@@ -26,6 +33,10 @@ STEPS = 128
 
 LEAST_MARGIN = 2e-3
 """Threshold on the margin, below which the field hardly turns."""
+
+MOST_OPPOSING = 0.5
+"""Largest part of their limits with which magnetorquers may keep a body off an equilibrium: as much
+is left to control it."""
 
 SAME_AXIS = 1e-6
 """Tolerance on the sine of the angle between two equal axes."""
@@ -59,6 +70,43 @@ class RodSet:
         dipoles = dipoles if to_body is None else to_body.T @ dipoles
         return np.cross(dipoles.T, self._fields[..., None, :]).swapaxes(-1, -2)
 
+    def rest(
+        self,
+        places: Sequence[int],
+        inertia: Float[np.ndarray, "3 3"],
+        momentum: Float[np.ndarray, "3"],
+        basis: Float[np.ndarray, "3 p"],
+    ) -> OrbitRest | None:
+        """Return the rest of a body near the orbit frame, beside wheels with `momentum` (N m s).
+
+        Where none is near, as of a body with equal moments about x and z and a product of both, it
+        is the orbit frame if these rods hold the body there: with at most `MOST_OPPOSING` of their
+        limits they oppose the torque, which accelerates the body by at most `MOST_TURN` ω0².
+        """
+        rate, pull = float(self.field.circle.rate), self.gravity_gradient
+        rest = rest_near_frame(inertia, momentum / rate, basis, gravity_gradient=pull)
+        if rest is not None:
+            return rest
+        held, torque = balance_at_frame(inertia, momentum / rate, basis, gravity_gradient=pull)
+        if np.linalg.norm(np.linalg.solve(inertia, torque)) > MOST_TURN:
+            return None
+        part = self.opposing(places, torque * rate**2)
+        return OrbitRest(np.eye(3), held, 0.0, part) if part <= MOST_OPPOSING else None
+
+    def opposing(self, places: Sequence[int], torque: Float[np.ndarray, "3"]) -> float:
+        """Return the largest part of their limits by which some oppose a torque (N m, orbit frame).
+
+        It is constant, and opposed on the mean of an orbit by the dipoles with the least mean
+        square, at the worst angle of the Earth; infinite where they cannot.
+        """
+        torques = self.torques(places)
+        power = np.mean(torques @ torques.swapaxes(-1, -2), axis=1)
+        weights = np.linalg.pinv(power, rcond=SAME_AXIS, hermitian=True) @ torque
+        made = (power @ weights[..., None])[..., 0]
+        if np.abs(made - torque).max() > SAME_AXIS * np.abs(torque).max():
+            return np.inf
+        return float(np.abs(weights[:, None, None] @ torques).max())
+
     @once_property
     def _fields(self) -> Float[np.ndarray, "turns instants 3"]:
         instants = (np.arange(STEPS) + 0.5) * 2 * np.pi / STEPS / float(self.field.circle.rate)
@@ -81,11 +129,10 @@ def judge_with_rods(
     momentum = without.actuators.coasting + held * rods.bias * NORMAL
     rate = float(rods.field.circle.rate)
     independent = int(np.linalg.matrix_rank(rods.axes[:, list(places)], tol=SAME_AXIS))
-    dimension, rank, margin, turn = 6 + basis.shape[1], 0, (0.0, 0.0), np.nan
-    pull = rods.gravity_gradient
-    rest = rest_near_frame(inertia, momentum / rate, basis, gravity_gradient=pull)
+    dimension, rank, margin, turn, opposing = 6 + basis.shape[1], 0, (0.0, 0.0), np.nan, 0.0
+    rest = rods.rest(places, inertia, momentum, basis)
     if rest is not None:
-        back, turn = rest.to_body.T, rest.turn
+        back, turn, opposing = rest.to_body.T, rest.turn, rest.opposing
         values = orbit_singular_values(
             back @ inertia @ back.T,
             back @ basis,
@@ -98,7 +145,7 @@ def judge_with_rods(
         ratios = values[:, -1] / values[:, 0]
         margin = (float(ratios.min()), float(ratios.max()))
     verdict, laws = _verdict(rest is not None, rank == dimension, margin, independent > 1)
-    orbit = OrbitRank(independent, basis.shape[1], rank, dimension, margin, turn)
+    orbit = OrbitRank(independent, basis.shape[1], rank, dimension, margin, turn, opposing)
     if verdict != "controllable" and without.controllable:
         return without
     return dataclasses.replace(

@@ -12,6 +12,9 @@ from jaxsat.core.text import capitalised, fixed_text, number_text
 ALIGNED = 0.01
 """Angle (degrees) to the orbit frame below which a body counts as at rest in it."""
 
+LITTLE = 0.1
+"""Part (%) of the limits of magnetorquers below which no number is told."""
+
 
 def _direction(vector: Float[np.ndarray, "3"]) -> str:
     vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
@@ -157,7 +160,8 @@ def _rod_sentence(judgement: Judgement, orbit: OrbitRank) -> str:
         return (
             f"Not decided: {makers[0].lower()}{makers[1:]} make {rod_torques(orbit)} at an "
             "instant, but no attitude near the orbit frame is an equilibrium, about which jaxsat "
-            "analyses the motion over an orbit."
+            "analyses the motion over an orbit, and the torque there is too large to hold it by "
+            "magnetorquers."
         )
     low, high = (number_text(one, 2) for one in orbit.margin)
     rank = f"rank {orbit.rank} of {orbit.dimension}"
@@ -179,7 +183,15 @@ def _rod_sentence(judgement: Judgement, orbit: OrbitRank) -> str:
 
 
 def _rest_words(orbit: OrbitRank) -> str:
-    """Return a sentence on the angle to the orbit frame at which the body rests, if it shows."""
+    """Return a sentence on the angle to the orbit frame at which the body rests, if it shows, or on
+    the torque that magnetorquers oppose in the orbit frame."""
+    if orbit.opposing:
+        percent = 100 * orbit.opposing
+        part = f"less than {LITTLE}" if percent < LITTLE else f"up to {number_text(percent, 2)}"
+        return (
+            " No attitude near the orbit frame is an equilibrium; magnetorquers hold the body in "
+            f"it with {part} % of their limits."
+        )
     degrees = np.degrees(orbit.turn)
     if degrees < ALIGNED:
         return ""

@@ -26,7 +26,6 @@ from jaxsat.controllability.maps import (
     physical_inertias,
     uncontrollable_single_directions,
 )
-from jaxsat.controllability.orbit_rest import rest_near_frame
 from jaxsat.controllability.rank import Analysis, analyse
 from jaxsat.controllability.rods import RodSet, judge_with_rods
 from jaxsat.controllability.wording import verdict_sentence
@@ -197,12 +196,12 @@ def _magnetic_authority(
 ) -> MagneticAuthority | None:
     """The authority of the magnetorquers of these places about rest near the orbit frame; None
     where there is none."""
-    inertia, pull = inertia_matrix(scenario.spacecraft.inertia_kg_m2), rods.gravity_gradient
-    rest = rest_near_frame(inertia, np.zeros(3), np.zeros((3, 0)), gravity_gradient=pull)
+    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
+    rest = rods.rest(places, inertia, np.zeros(3), np.zeros((3, 0)))
     if rest is None:
         return None
-    back, axes = rest.to_body.T, rods.axes[:, places]
-    return magnetic_authority(back @ inertia @ back.T, back @ axes, rods.limits[places], rods.field)
+    axes, limits = rods.axes[:, places], rods.limits[places]
+    return magnetic_authority(inertia, axes, limits, rods.field, rest.to_body)
 
 
 def _magnetic_lines(scenario: Scenario) -> list[str]:
@@ -215,7 +214,7 @@ def _magnetic_lines(scenario: Scenario) -> list[str]:
     if authority is None:
         return [
             "Magnetorquers: not analysed. The analysis linearises about rest, and no attitude near "
-            "the orbit frame is an equilibrium of this body"
+            "the orbit frame is an equilibrium of this body, or one that they hold"
         ]
     actuators, others = all_actuators(scenario)
     healthy = actuators.only(others)

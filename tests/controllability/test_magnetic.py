@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from jaxsat.control.periodic_gain import linear_motion
 from jaxsat.controllability.magnetic import (
@@ -19,11 +20,17 @@ RATE = 1.1e-3
 ANGLES = (1.1, 0.4, 0.7, 2.0)
 LIMITS = np.array([0.4, 0.3, 0.5])
 AXES = np.array([[1.0, 0.0, 0.2], [0.1, 1.0, 0.0], [0.0, 0.3, 1.0]])
+ALIGNED = np.eye(3)
 UNITS = AXES / np.linalg.norm(AXES, axis=0)
 
 
-def found_of(axes=AXES, limits=LIMITS, angles=ANGLES, inertia=INERTIA):
-    return magnetic_authority(inertia, axes, limits, DipoleField(CircularOrbit(RATE, *angles)))
+def found_of(axes=AXES, limits=LIMITS, angles=ANGLES, to_body=ALIGNED):
+    """Of the body at the rest `to_body`, about which axes are those of the orbit frame."""
+    inertia, field = (
+        to_body @ np.diag(INERTIA) @ to_body.T,
+        DipoleField(CircularOrbit(RATE, *angles)),
+    )
+    return magnetic_authority(inertia, to_body @ axes, limits, field, to_body)
 
 
 def inputs(t):
@@ -49,6 +56,19 @@ def test_the_field_and_the_torques_are_those_of_an_independent_program():
     torques = np.cross((UNITS * LIMITS).T[None], fields[:, None])
     np.testing.assert_allclose(found.torque, np.abs(torques).sum(axis=1).mean(axis=0), rtol=2e-3)
     assert found.largest == pytest.approx(np.abs(torques).sum(axis=1).max(), rel=5e-3)
+
+
+def test_torques_and_efforts_of_a_body_that_rests_turned_are_about_its_own_axes():
+    """A quarter turn about z exchanges x and y; torques of any turn are those of turned fields."""
+    aligned, quarter = found_of(), found_of(to_body=np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1.0]]))
+    for name in ("torque", "effort"):
+        before, after = getattr(aligned, name), getattr(quarter, name)
+        np.testing.assert_allclose(after, before[[1, 0, 2]], rtol=1e-9)
+    turn = Rotation.from_euler("xyz", [0.2, -0.3, 0.1]).as_matrix()
+    fields = np.array([magnetic.field(t, (RATE, *ANGLES)) for t in np.arange(0, 86164, 300.0)])
+    torques = np.cross((turn @ UNITS * LIMITS).T[None], (fields @ turn.T)[:, None])
+    expected = np.abs(torques).sum(axis=1).mean(axis=0)
+    np.testing.assert_allclose(found_of(to_body=turn).torque, expected, rtol=2e-3)
 
 
 @pytest.mark.slow

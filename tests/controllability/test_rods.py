@@ -9,8 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from jaxsat.controllability.actuators import actuator_set
 from jaxsat.controllability.failures import failure_table
+from jaxsat.controllability.judging import judge
+from jaxsat.controllability.layout import TOLERANCE
 from jaxsat.controllability.orbit_rest import rest_near_frame
-from jaxsat.controllability.rods import RodSet, orbit_singular_values
+from jaxsat.controllability.rods import RodSet, judge_with_rods, orbit_singular_values
 from jaxsat.controllability.wording import verdict_sentence
 from jaxsat.spacecraft.environment.orbit import CircularOrbit, DipoleField
 from oracle import magnetic
@@ -156,6 +158,47 @@ def test_no_torque_is_left_at_the_rest(seed, wheels):
         np.testing.assert_allclose(torque, 0, atol=1e-11 * RATE**2)
         np.testing.assert_allclose(found.momentum @ [1, 0, 0], 0, atol=1e-15)
         assert 0 < found.turn < 0.2
+
+
+def judged(inertia, strength=1.0, places=(0, 1, 2)):
+    """By magnetorquers alone, some of them, `strength` times as strong."""
+    rods = dataclasses.replace(rods_of(), limits=strength * rods_of().limits)
+    return judge_with_rods(judge(inertia, actuator_set()), rods, places, TOLERANCE)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e6])
+def test_a_body_without_a_near_rest_is_judged_in_the_orbit_frame(size):
+    """With equal moments about x and z a product of both turns its rest by 45°. The least dipoles
+    that oppose it on the mean of an orbit are those of a least-squares problem of all instants."""
+    product, strength = 1e-4 * size, 0.01 * size
+    inertia = size * np.diag([0.04, 0.05, 0.04])
+    inertia[0, 2] = inertia[2, 0] = product
+    assert rest_near_frame(inertia, np.zeros(3), np.zeros((3, 0)), gravity_gradient=True) is None
+    torque = 3 * RATE**2 * np.array([0.0, product, 0.0])
+    instants, parts = (np.arange(128) + 0.5) * 2 * np.pi / RATE / 128, []
+    for turn in ANGLES[3] + 2 * np.pi * np.arange(8) / 8:
+        orbits = [(RATE, *ANGLES[:3], turn - earth.EARTH_ROTATION * t) for t in instants]
+        fields = [magnetic.field(t, orbit) for t, orbit in zip(instants, orbits, strict=True)]
+        rods = [np.cross(strength * np.diag([0.4, 0.3, 0.5]), one).T for one in fields]
+        parts.append(np.abs(np.linalg.lstsq(np.hstack(rods) / 128, torque)[0]).max())
+    found, weak = judged(inertia, strength), judged(inertia, strength * max(parts))
+    assert (found.verdict, found.laws) == ("controllable", "magnetic")
+    assert found.orbit.turn == 0
+    assert found.orbit.opposing == pytest.approx(max(parts), rel=2e-3)
+    assert f"up to {100 * max(parts):.2g} % of their limits" in verdict_sentence(found)
+    assert weak.verdict == "not decided"
+    inertia[0, 2] = inertia[2, 0] = 100 * product  # turns the body faster than the field turns
+    assert judged(inertia, 1e6 * strength).verdict == "not decided"
+
+
+def test_the_least_product_of_inertia_leaves_the_margin_as_it_is():
+    exact = np.diag([0.04, 0.05, 0.04])
+    near = exact + 1e-12 * np.eye(3)[[2, 1, 0]]
+    found = judged(near)
+    np.testing.assert_allclose(found.orbit.margin, judged(exact).orbit.margin)
+    assert "less than 0.1 %" in verdict_sentence(found)
+    # A rod along the orbit normal cannot oppose a torque about it.
+    assert judged(near, places=(1,)).verdict == "not decided"
 
 
 def test_rods_are_not_judged_where_no_attitude_near_the_orbit_frame_is_a_rest():
