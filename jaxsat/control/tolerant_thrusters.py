@@ -262,7 +262,7 @@ class TolerantThrusters(AbstractTolerantActuators):
         above = rate - jnp.clip(rate, -quiet, quiet)
         pull = 2 * law.damping * law.natural_frequency
         duty = jnp.clip(opposing + pull * inertia * above / size, 0.0, 1.0)
-        return jnp.where(memory.diagnosis.condition.failed, 0.0, duty)
+        return jnp.where(memory.ability.limit > 0, duty, 0.0)
 
     def alone(self, memory: TolerantMemory) -> tuple[BoolScalar, IntScalar]:
         """Whether the law of three slews flies, and its phase."""

@@ -212,19 +212,29 @@ def test_damping_takes_energy_out_whatever_is_left():
         duty = np.asarray(thrusters.damping(sample(omega), memory))
         assert np.all(duty * (omega @ torque) <= 0)
         assert duty.max() > 0
-    # At rest it opposes what flows out of a failed thruster, and more slowly turns less.
-    flow = np.eye(torque.shape[1])[0]
-    failed = jnp.array(flow > 0)
-    condition = memory.diagnosis.condition._replace(failed=failed, flow=jnp.array(0.4 * flow))
-    struck = memory._replace(
-        diagnosis=memory.diagnosis._replace(condition=condition),
-        ability=memory.ability._replace(
-            left=jnp.array(int(Left.LESS)), limit=jnp.array(1.0 - flow)
-        ),
-    )
+    # At rest it opposes what flows out of a failed thruster, and more slowly turns less. Where
+    # that takes a weak one, as SciPy finds with another one dead, the weak one pushes, too.
     demand = Demand(jnp.zeros(3), jnp.zeros(3), jnp.array(False))
-    duty, _ = thrusters.act(sample(jnp.zeros(3)), demand, memory, struck)
-    np.testing.assert_allclose(torque @ duty, -0.4 * torque[:, 0], atol=1e-9)
+    at_rest = eqx.filter_jit(lambda now: thrusters.act(sample(jnp.zeros(3)), demand, memory, now))
+    stuck = np.eye(torque.shape[1])[0]
+    sound = linprog(
+        -stuck,
+        A_eq=torque / np.abs(torque).max(),
+        b_eq=np.zeros(3),
+        bounds=[(0, one) for one in (1, 0, 1, 1, 0, 1, 1, 1)],
+    )
+    assert 0.7 < -sound.fun < 0.8
+    for flow, limit in ((0.95, np.array([0, 0, 1, 1, 0.4, 1, 1, 1])), (0.4, 1.0 - stuck)):
+        condition = memory.diagnosis.condition._replace(
+            failed=jnp.array(limit < 1), flow=jnp.array(flow * stuck)
+        )
+        struck = memory._replace(
+            diagnosis=memory.diagnosis._replace(condition=condition),
+            ability=memory.ability._replace(left=jnp.array(int(Left.LESS)), limit=jnp.array(limit)),
+        )
+        duty, _ = at_rest(struck)
+        np.testing.assert_allclose(torque @ (limit * duty), -flow * torque[:, 0], atol=1e-9)
+        assert not duty[limit == 0].any()
     along = 1e-2 * torque @ duty / np.linalg.norm(torque @ duty)
     fewer = np.asarray(thrusters.damping(sample(along), struck, duty))
     assert along @ torque @ fewer < along @ torque @ np.asarray(duty)
