@@ -102,13 +102,13 @@ def judge_scenario(scenario: Scenario, *, tolerance: float | int = TOLERANCE) ->
 def fitting_laws(scenario: Scenario, judgement: Judgement) -> list[str]:
     """Names of the laws of jaxsat for what a judgement of the scenario says is left.
 
-    They are those of `LEFT`, after the one that finds failures where some strike in flight.
+    They are those of `LEFT`, after the one that finds failures of wheels and thrusters where some
+    strike in flight.
     """
-    names = list(LEFT[judgement.laws].laws)
+    names = LEFT[judgement.laws].laws
     finds_failures = scenario.failure and (scenario.wheel or scenario.thruster)
-    if finds_failures and FAULT_TOLERANT not in names:
-        names.insert(0, FAULT_TOLERANT)
-    return names
+    first = (FAULT_TOLERANT,) if finds_failures else ()
+    return list(dict.fromkeys(first + names))
 
 
 def borderline_words(scenario: Scenario) -> str | None:

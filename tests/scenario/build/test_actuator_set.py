@@ -1,14 +1,16 @@
 """What the thrusters and wheels of a scenario can do, from its tables."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from jaxsat.control.what_is_left import LEFT
 from jaxsat.controllability.judging import judge
 from jaxsat.controllability.wording import verdict_sentence
 from jaxsat.scenario import dump
-from jaxsat.scenario.build.actuator_set import all_actuators
+from jaxsat.scenario.build.actuator_set import all_actuators, fitting_laws, judge_scenario
 from jaxsat.scenario.build.load import load
 
 PAPER = "paper-three-axis"
@@ -95,3 +97,21 @@ def test_a_run_says_what_controllability_says_of_torques_of_nearly_one_direction
     verdict, cautions = words("[[1, 0, 0], [1, 0.1, 0]]")
     assert verdict.startswith("Controllable")
     assert cautions == []
+
+
+@pytest.mark.parametrize("laws", LEFT)
+def test_the_law_that_finds_failures_is_tried_first_where_some_strike(laws):
+    """Of wheels and thrusters; it diagnoses no magnetorquer."""
+    scenario = load("hybrid-wheels", (), purpose="motion")
+    judgement = dataclasses.replace(judge_scenario(scenario), laws=laws)
+    usual = list(LEFT[laws].laws)
+    first = ["fault-tolerant", *(law for law in usual if law != "fault-tolerant")]
+    for absent, names in (
+        ((), first),
+        (("wheel",), first),
+        (("thruster",), first),
+        (("wheel", "thruster"), usual),
+        (("failure",), usual),
+    ):
+        some = scenario.model_copy(update=dict.fromkeys(absent, ()))
+        assert fitting_laws(some, judgement) == names
