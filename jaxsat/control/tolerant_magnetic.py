@@ -122,7 +122,8 @@ class TolerantMagnetic(eqx.Module):
         """What it does where magnetorquers and the wheels in use are `alone`, None for no wheels.
 
         What was learnt of dipole and torque is kept as wheels fail, but not how the body moved. A
-        dipole of the body that no magnetorquer opposes is turned into the field.
+        dipole of the body that no magnetorquer opposes is first turned into the field, and the law
+        has what this leaves of the dipoles. Wheels make the rest of its torque about their axis.
         """
         none = jnp.zeros(0)
         usable = none if wheeled is None else wheeled.usable
@@ -136,18 +137,19 @@ class TolerantMagnetic(eqx.Module):
             predicts=same & before.own.predicts,
         )
         steering, state = law.steering, sample.state
-        besides = steering.along_field(steering.field.in_body(sample.t, state.attitude), own.dipole)
+        field = steering.field.in_body(sample.t, state.attitude)
+        besides = steering.shortened(steering.along_field(field, own.dipole))
         besides = jnp.where(own.mode == int(MagneticMode.DAMPING), 0.0, besides)
         torque, own = law.beside(sample.t, state, own, besides)
-        dipoles, rest = steering(sample.t, state, torque)
-        dipoles = jnp.clip(dipoles + besides, -steering.dipole_limit, steering.dipole_limit)
+        wanted = steering.wanted_torque(state, torque)
+        dipoles, made = steering.within_limits(field, wanted, besides)
         torques = none
         if law.wheel_axes is not None:
             along = law.wheel_axes.T @ law.gain.basis[:, 0]
             shares = used * along / (jnp.sum(used * along**2) + SMALLEST)
-            torques = shares * jnp.sum(law.gain.basis[:, 0] * rest)
+            torques = shares * jnp.sum(law.gain.basis[:, 0] * (torque - made))
         memory = TolerantMagneticMemory(own, jnp.where(flies, number, NOWHERE))
-        return MagneticFlight(flies, dipoles, torques, memory)
+        return MagneticFlight(flies, besides + dipoles, torques, memory)
 
     def _number(self, usable: Float[Array, " m"]) -> IntScalar:
         """The set with the wheel that has the most torque to spare, of `usable` ones (N m)."""

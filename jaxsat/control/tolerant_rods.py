@@ -175,9 +175,7 @@ class TolerantRods(eqx.Module):
         turning = steering.shares @ jnp.cross(field, axis)
         each = reach.columns.T @ axis  # torque of each about n, of a dipole of 1
         square = jnp.maximum(jnp.sum(each * turning), SHALLOW**2 * jnp.sum(field**2))
-        holding = turning * jnp.sum(axis * torque) / square
-        beyond = jnp.max(jnp.abs(holding) / jnp.where(reach.high > 0, reach.high, jnp.inf))
-        holding = holding / jnp.maximum(beyond, 1.0)
+        holding = steering.shortened(turning * jnp.sum(axis * torque) / square)
         unloading = steering.unlimited(field, relief)
         unloading = unloading - turning * jnp.sum(each * unloading) / square
         left = reach._replace(low=reach.low - holding, high=reach.high - holding)

@@ -195,11 +195,21 @@ class MagneticSteering(AbstractSteering):
         dipoles, torque = self.within_limits(field, self.wanted_torque(state, command))
         return dipoles, command - torque
 
-    def within_limits(self, field: Vector, torque: Vector) -> tuple[Float[Array, " k"], Vector]:
-        """Return dipoles (A m²) for a torque (N m) in a field (T, body axes), and their torque."""
+    def within_limits(
+        self, field: Vector, torque: Vector, besides: Float[Array, " k"] | float = 0.0
+    ) -> tuple[Float[Array, " k"], Vector]:
+        """Return dipoles (A m²) for a torque (N m) in a field (T, body axes), and their torque.
+
+        Dipoles that are commanded `besides` (A m², within the limits) leave them the rest.
+        """
         reach = self.reach(field)
-        dipoles = allocate(reach, reach.columns @ self.unlimited(field, torque)).use
+        left = reach._replace(low=reach.low - besides, high=reach.high - besides)
+        dipoles = allocate(left, reach.columns @ self.unlimited(field, torque)).use
         return dipoles, reach.columns @ dipoles
+
+    def shortened(self, dipoles: Float[Array, " k"]) -> Float[Array, " k"]:
+        """Return dipoles (A m²) all reduced by one factor where one is beyond its limit."""
+        return dipoles / jnp.maximum(jnp.max(jnp.abs(dipoles) / self.dipole_limit), 1.0)
 
     def reach(self, field: Vector) -> Reach:
         """Return the torque of each dipole per A m² in a field (T, body axes), within its limit."""

@@ -138,13 +138,39 @@ def test_two_magnetorquers_oppose_a_dipole_along_the_third_axis(cubesat):
     body, memory = 0.005 * np.eye(3)[lost], magnetic.init(state)
     own = memory.own._replace(mode=jnp.array(int(MagneticMode.POINTING)), dipole=jnp.array(body))
     none = Wheeled(jnp.zeros(3), jnp.array(int(Left.LESS)), jnp.zeros(3), jnp.zeros((3, 3)))
-    sample = Sample(jnp.array(0.0), state, Reading(state.omega), cubesat.healthy)
-    memory = memory._replace(own=own, number=jnp.array(0))
-    act = eqx.filter_jit(lambda memory: magnetic.act(sample, jnp.array(True), none, memory))
-    dipoles = np.asarray(act(memory).dipoles)
+
+    @eqx.filter_jit
+    def act(limit, state, usable, number):
+        law = eqx.tree_at(lambda one: one.laws.steering.dipole_limit, magnetic, limit)
+        sample = Sample(jnp.array(0.0), state, Reading(state.omega), cubesat.healthy)
+        wheeled, before = none._replace(usable=usable), memory._replace(own=own, number=number)
+        flight = law.act(sample, jnp.array(True), wheeled, before)
+        return flight.dipoles, flight.torques
+
+    dipoles, _ = act(jnp.ones(3), state, jnp.zeros(3), jnp.array(0))
     alone, together = (np.linalg.norm(np.cross(one, field)) for one in (body, body + dipoles))
     assert dipoles[lost] == 0
     assert together < 3 * NEAREST**2 * alone
+    # Off the target, beside a wheel about x, at limits that these dipoles nearly reach: the others
+    # are all reduced by one factor, and the wheel makes up for their torque.
+    turned = np.array([0.98, 0.1, -0.14, 0.1]) / np.linalg.norm([0.98, 0.1, -0.14, 0.1])
+    state = dataclasses.replace(state, attitude=Quaternion(jnp.array(turned)))
+    b = Rotation.from_quat(turned, scalar_first=True).inv().apply(field)
+    sine = b[lost] / np.linalg.norm(b)
+    first = (np.arange(3) != lost) * b * (body[lost] / b[lost]) / (1 + (NEAREST / sine) ** 2)
+    one_wheel = jnp.array([5e-3, 0.0, 0.0]), jnp.array(1)
+    dipoles, wheel = map(np.asarray, act(jnp.ones(3), state, *one_wheel))
+    more = dipoles - first
+    limit = np.abs(first).max() + 0.1 * np.abs(more).max()
+    kept = np.arange(3) != lost
+    part = np.min((np.copysign(limit, more) - first)[kept] / more[kept])
+    assert 0.05 < part < 0.95
+    found, made = map(np.asarray, act(limit * jnp.ones(3), state, *one_wheel))
+    np.testing.assert_allclose(found, first + part * more, rtol=1e-9, atol=1e-15)
+    lacking = (1 - part) * np.cross(more, b)
+    np.testing.assert_allclose(made - wheel, [lacking[0], 0, 0], rtol=1e-9, atol=1e-18)
+    found, _ = act(0.5 * np.abs(first).max() * jnp.ones(3), state, *one_wheel)
+    assert np.abs(found).max() <= (0.5 + 1e-12) * np.abs(first).max()
 
 
 def feedback(c, omega, inertia, rate, frequency, most):
