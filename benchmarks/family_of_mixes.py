@@ -96,8 +96,9 @@ COLUMNS: tuple[str, ...] = (
 )
 
 DURATION, SLOW_DURATION = 8400, 28800
-"""s; of a flight with magnetorquers, and of one where failures leave them one wheel or none, and
-fewer than six thrusters: then the field must turn, and five orbits are what `rods-only` flies."""
+"""s; of a flight with magnetorquers, and of one where dead and stopped wheels leave one or none and
+the spacecraft has fewer than six thrusters, failed ones counted: then the field must turn, and five
+orbits are what `rods-only` flies."""
 
 INSTANTS = 101
 """Over a flight, at which its rate is judged."""
