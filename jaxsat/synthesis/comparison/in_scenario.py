@@ -71,9 +71,10 @@ def scenario_under(scenario: Scenario, law: str) -> Scenario:
     """Return the scenario under another law, without `[tuning]`.
 
     Keys of `[control]` that both laws have keep their values, the others of the new law have their
-    defaults; where one lacks a default they are those that `design` begins with. A sampled law in
-    place of a continuous one, or the reverse, has the default solver. `law` is a law's name,
-    `"module:Class"`, or a scenario file whose `[control]` is used.
+    defaults. Where one of these lacks a default, they all have the values that `design` begins
+    with: gains, limits and period are scaled together. A sampled law in place of a continuous one,
+    or the reverse, has the default solver. `law` is a law's name, `"module:Class"`, or a scenario
+    file whose `[control]` is used.
 
     Raises `ValueError` for an unknown law and `ScenarioError` for one that does not suit.
     """

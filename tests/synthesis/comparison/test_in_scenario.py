@@ -28,6 +28,15 @@ def test_another_law_takes_the_keys_that_it_shares_and_no_tuning():
     assert other.dispersion == scenario.dispersion
 
 
+def test_gains_without_a_default_are_those_of_design_with_what_belongs_to_them():
+    """The natural frequency has none, and its largest rate is half of it; of a period of 1/ω0."""
+    scenario = load("rods-only")
+    control, rate = scenario_under(scenario, "fault-tolerant").control, scenario.orbit.rate()
+    assert control.natural_frequency_rad_s == pytest.approx(0.4 * rate, rel=1e-3)
+    assert control.max_rate_rad_s == pytest.approx(0.2 * rate, rel=1e-3)
+    assert control.period_s == scenario.control.period_s
+
+
 @pytest.mark.slow
 def test_laws_that_do_not_suit_are_refused():
     scenario = load("failures-12u")
