@@ -127,10 +127,11 @@ class TolerantRods(eqx.Module):
     def slowed(
         self, sample: Sample, axis: Vector, stored: Vector
     ) -> tuple[QuaternionFeedback, QuaternionFeedback]:
-        """Return the laws across Jn and about Jn for an `axis` n; unchanged for zero.
+        """Return the laws across Jn and about Jn for an `axis` n.
 
-        Slew rates are limited so that magnetorquers can oppose n · (ω × H), H the momentum of the
-        body and what is `stored` (N m s), and, about Jn, brake the slew.
+        For zero the first is unchanged, and `about` has no use for the second. Slew rates are
+        limited so that magnetorquers can oppose n · (ω × H), H the momentum of the body and what is
+        `stored` (N m s), and, about Jn, brake the slew.
         """
         law, inertia = sample.law, sample.law.model.spacecraft.inertia
         most = root(jnp.sum(axis * (self.power @ axis)))

@@ -87,9 +87,9 @@ class TolerantThrusters(AbstractTolerantActuators):
 
     Isolated thrusters are left out, and their constant torque is fed forward. Where torques of
     either sign remain in a plane, `settling` flies three slews in the normal form of that plane;
-    else rates are damped by thrusters that take energy out. During an alarm the suspect and its
-    rivals in turn give test pulses, or gaps where they push most of the time. Failed thrusters give
-    pulses now and then to detect a recovery.
+    else thrusters oppose what flows out of failed ones, and besides fire against rates, which takes
+    energy out. During an alarm the suspect and its rivals in turn give test pulses, or gaps where
+    they push most of the time. Failed thrusters give pulses now and then to detect a recovery.
     """
 
     filter: ThrusterFilter
@@ -129,7 +129,7 @@ class TolerantThrusters(AbstractTolerantActuators):
         return before._replace(diagnosis=diagnosis, ability=ability)
 
     def thrust_limit(self, memory: TolerantMemory) -> Float[Array, " m"]:
-        """Return the fraction of each thruster's thrust that is left."""
+        """Return the usable thrust of each thruster, over its full thrust."""
         return memory.ability.limit
 
     def flows(self, memory: TolerantMemory) -> BoolScalar:

@@ -40,7 +40,7 @@ ROOM = 0.5
 limit, over the inverse natural frequency."""
 
 EMPTY = 0.2
-"""Momentum over the limit of a wheel below which thrusters end to unload it."""
+"""Momentum over the limit of a wheel below which thrusters stop unloading it."""
 
 REACTION = 0.5
 """Largest torque of a wheel against thrusters that unload it, over its limit."""

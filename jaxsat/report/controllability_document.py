@@ -107,7 +107,8 @@ def _survival(records: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _outcome(record: Mapping[str, Any]) -> str | None:
-    """Return the one of `OUTCOMES` that a failure has; None where control is lost."""
+    """Return the one of `OUTCOMES` that a failure has; None where control of some or all attitudes
+    is lost."""
     if record["verdict"] in CONTROLLABLE:
         return SURVIVES if LEFT[record["laws"]].everywhere else UNFLOWN
     return {"borderline": BORDERLINE, "not decided": UNDECIDED}.get(record["verdict"])

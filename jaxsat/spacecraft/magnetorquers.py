@@ -24,8 +24,8 @@ from jaxsat.spacecraft.steering import AbstractSteering, SteeringContext
 from jaxsat.spacecraft.wheels import wheel_momentum
 
 NEAREST = 0.05
-"""Sine of the angle between the field and the axes of two magnetorquers below which no dipole of
-theirs turns that of the body into the field: it would be too large."""
+"""Sine of the angle between the field and the axes of two magnetorquers below which the dipole of
+theirs that turns that of the body into the field is reduced: it would be too large."""
 
 
 class MagnetorquerFailures(AbstractFailures):
@@ -231,11 +231,12 @@ class MagneticSteering(AbstractSteering):
         return self.shares @ (jnp.cross(field, torque) / jnp.sum(field**2))
 
     def along_field(self, field: Vector, dipole: Vector) -> Float[Array, " k"]:
-        """Return dipoles (A m²) with which one of the body (A m²) lies along a field (T): together
-        they make no torque, whatever it has along axes that no magnetorquer has.
+        """Return dipoles (A m²) by which the part of one of the body (A m²) along axes that no
+        magnetorquer has is turned towards a field (T).
 
-        With P on what the axes span and Q = 1 - P they are β P B, where Q (m - β B) is least. Near
-        a field in that span, within `NEAREST`, β is less.
+        With P on what the axes span and Q = 1 - P they are β P B, where Q (m - β B) is least. With
+        magnetorquers along two axes that is zero: together with Q m they make no torque. Near a
+        field in that span, within `NEAREST`, β is less.
         """
         spanned = self.axes @ (self.shares @ field)
         beyond, missing = field - spanned, dipole - self.axes @ (self.shares @ dipole)
