@@ -152,7 +152,10 @@ def _use(folder: Path, flags: Sequence[str], board: str, samples: int) -> Proces
 def _bounds(folder: Path, functions: Sequence[str]) -> tuple[list[list[int | None]], list[str]]:
     """Return the bounds of instructions and stack (bytes) of functions, and why some have none."""
     (folder / BOUND_SCRIPT).write_text(template(BOUND_SCRIPT))
-    output = run_tool(folder, sys.executable, BOUND_SCRIPT, "steps.elf", *functions)
+    try:
+        output = run_tool(folder, sys.executable, BOUND_SCRIPT, "steps.elf", *functions)
+    except subprocess.SubprocessError as error:
+        return [[None, None] for _ in functions], [f"no bounds: {type(error).__name__}"]
     matches = [
         [
             re.search(rf"^{name}: (\d+) {what} at most$", output, re.M)
@@ -161,7 +164,7 @@ def _bounds(folder: Path, functions: Sequence[str]) -> tuple[list[list[int | Non
         for name in functions
     ]
     numbers = [[int(one[1]) if one else None for one in row] for row in matches]
-    return numbers, re.findall(r"^\w+: (no bound of .*)$", output, re.M)
+    return numbers, re.findall(r"^\w+: no bound of .*$", output, re.M)
 
 
 def samples_worth_emulating(folder: Path) -> Int[np.ndarray, " chosen"]:

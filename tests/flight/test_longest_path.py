@@ -23,6 +23,7 @@ def script():
 
 
 CODE = """\
+#include <math.h>
 #include <stdint.h>
 #include <string.h>
 typedef struct { int32_t all[25]; } record;
@@ -43,6 +44,9 @@ void endless(int32_t x);
 void spin(void);
 void recur(int32_t x);
 void point(void (*f)(void));
+double rest(double x, double y);
+void joined(void) __attribute__((naked));
+void unknown(void) __attribute__((naked));
 static void times(int32_t count) __attribute__((noinline));
 static void times(int32_t count)
 {
@@ -118,6 +122,17 @@ void endless(int32_t x) { while (port != x) { port = x; } }
 void spin(void) { for (;;) { } }
 void recur(int32_t x) { if (port > x) { recur(x + 1); port = x; } }
 void point(void (*f)(void)) { f(); port = 1; }
+double rest(double x, double y) { return fmod(x, y) + 1; }
+void joined(void)
+{
+  __asm__("push {r3, lr}; movs r2, #100; cmp r0, #0; beq 1f; movs r2, #24");
+  __asm__("1: bl memcpy; pop {r3, pc}");
+}
+void unknown(void)
+{
+  __asm__("push {r3, lr}; movs r2, #24; cmp r0, #0; beq 1f; ldmia r0, {r0, r1, r2}");
+  __asm__("1: bl memcpy; pop {r3, pc}");
+}
 int main(void) { return 0; }
 """
 
@@ -128,7 +143,7 @@ def program(script, tmp_path_factory):
     (folder / "code.c").write_text(CODE)
     command = "arm-none-eabi-gcc -mcpu=cortex-m7 -mthumb -mfloat-abi=hard -mfpu=fpv5-d16 -O2 -g"
     command += " --specs=nosys.specs -w -fstack-usage"
-    command += " code.c -o code.elf"
+    command += " code.c -o code.elf -lm"
     subprocess.run(command.split(), cwd=folder, check=True)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
@@ -142,7 +157,7 @@ def _length(program, name: str) -> int:
 
 @needs("arm-none-eabi-gcc")
 def test_the_bound_is_that_of_the_longest_path(program):
-    names = "straight", "choose", "repeat", "nested", "stop", "enter", "copy"
+    names = "straight", "choose", "repeat", "nested", "stop", "enter", "copy", "joined"
     bound = {name: program.bound(program.starts[name]) for name in names}
     assert bound["straight"] == _length(program, "straight")
     # a comparison, a branch, six numbers, six stores and a return, without the shorter branch
@@ -157,6 +172,8 @@ def test_the_bound_is_that_of_the_longest_path(program):
     assert 6 * 20 <= bound["enter"] < 2 * 8 * 22 + 20
     # three copies of 25 words, which may be of 100 bytes one by one
     assert 3 * 2 * 25 < bound["copy"] < 3 * 8 * 100
+    # a copy of 100 bytes, or of 24
+    assert bound["joined"] == 6 + 1 + program.bound(program.starts["memcpy"], 100)
 
 
 @needs("arm-none-eabi-gcc")
@@ -182,6 +199,8 @@ def test_the_stack_is_that_of_the_compiler_along_the_deepest_chain(script, progr
         ("spin", "spin has a loop without a bound"),
         ("recur", "recur calls itself"),
         ("point", "point calls by a pointer"),
+        ("rest", "fmod has a loop and no debug information"),
+        ("unknown", "unknown copies an unknown number of bytes"),
     ],
 )
 def test_what_cannot_be_bounded_is_told(script, program, name, why):
@@ -203,3 +222,19 @@ def test_loops_run_as_often_as_their_text_says(script):
     }
     assert script.loop_bounds(CODE.replace("times(7)", "times(port)")).keys() < bounds.keys()
     assert script.loop_bounds(CODE.replace("k = 0;", "k = port;")).keys() < bounds.keys()
+
+
+@pytest.mark.parametrize(
+    ("starts", "most"),
+    [
+        ("k = UINT32_C(0);", 24),
+        ("k = -INT64_C(100);", 124),
+        ("k = 0; if (port > 1) { k = 20; }", 24),
+        ("k = port;", None),
+        ("k = 0; if (port > 1) { k = port; }", None),
+    ],
+)
+def test_a_counter_begins_at_the_least_that_its_own_function_gives_it(script, starts, most):
+    before = "void other(void)\n{\n  int32_t k = 20;\n}\n"
+    loop = f"void own(void)\n{{\n  int32_t {starts}\n  for (; k < 24; k++) {{}}\n}}\n"
+    assert list(script.loop_bounds(before + loop).values()) == [most][: most is not None]

@@ -24,6 +24,8 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.spacecraft.wheels import wheel_momentum
 from tests.flight.folders import write_files
+from tests.flight.sizes import too_large
+from tests.flight.traced import check_trace
 
 PROVENANCE = {"versions": {"jaxsat": "0"}, "platform": "here", "created": "now"}
 CASES = 16
@@ -70,6 +72,8 @@ def test_closed_loops_with_the_compiled_law_are_the_same_to_the_bit(
     run = build(load(scenario))
     loop: Any = run.loop
     made = export(Request(loop, run.start, 1.0, "", "", PROVENANCE))
+    assert too_large(made.files) == {}
+    check_trace(made.files["trace.csv"].decode(), made.files["controller.c"].decode())
     write_files(tmp_path, made.files)
     subprocess.run(["make", "build/libcontroller.so", "CC=gcc"], cwd=tmp_path, check=True)
     library = Library(tmp_path / "build" / "libcontroller.so", loop, run.start)

@@ -23,15 +23,20 @@ OBJDUMP = "arm-none-eabi-objdump"
 CALLER, PASS = -1, -2
 BITS = 64
 COPIES = ("memcpy", "memmove", "memset")
-LIBRARY = re.compile(r"__\w+|(sqrt|floor|ceil|rint)f?")
+LIBRARY = re.compile(
+    r"__aeabi_(?!mem)\w+|__u?(div|mod|divmod)[sd]i\d|__(ieee754_)?sqrtf?|(sqrt|floor|ceil|rint)f?"
+    r"|__(add|sub|mul|div|fix|fixuns|float|floatun|trunc|extend|neg|cmp|unord)[sd][if]\w*"
+)
 STORED = {"strb": 1, "strh": 2, "str": 4, "strd": 8}
 
 ROW = re.compile(r"^ *([0-9a-f]+):[ \t]+([a-z][\w.]*)[ \t]*([^@;\n]*)", re.M)
 LINE = re.compile(r"^(\S+\.c):?\s+(\d+|-)\s+(0x[0-9a-f]+|0)\b", re.M)
+LITERAL = re.compile(r"(-?)(?:U?INT\d+_C\((\d+)\)|(\d+)u?)")
 FOR = re.compile(r"\bfor \((?:int\w+ \w+ = (\d+))?; ([\w>.-]+) < (\w+); [\w>.-]+\+\+\)")
 HEAD = re.compile(r"^[a-z]\w*[^;{}=#/]*?\b(\w+)\([^;{}]*\)\s*\{", re.M)
 CONDITIONS = "eq|ne|cs|cc|mi|pl|vs|vc|hi|ls|ge|lt|gt|le|hs|lo"
 TABLE = re.compile(r"tb[bh] |(mov|add|ldr)\S* pc, (?!lr|\[sp)")
+SEVERAL = r"ldm|pop|ldrd|[us]ml|[us]mull|vmov"  # more results than their first operand
 RETURN = re.compile(r"(mov|ldr)\S* pc, |(pop|ldm)\S* .*\bpc\}")
 SAVES = re.compile(r"(push|pop) |(stm|ldm)\S* sp!")
 BRANCH = re.compile(rf"(b|bl|bx|blx)({CONDITIONS})?(\.[nw])?|(cbn?z)")
@@ -50,6 +55,9 @@ class Program:
         addresses = sorted(self.code)
         self.after = dict(pairwise(addresses))
         self.before = {after: one for one, after in self.after.items()}
+        self.jumps: dict[int, set[int]] = {}
+        for address in filter(self._jump, self.code):
+            self.jumps.setdefault(self._target(address), set()).add(address)
         names = re.findall(r"^([0-9a-f]+) <([^>]+)>:$", listing, re.M)
         self.names = {int(address, 16): name for address, name in names}
         self.begins = sorted(self.names)
@@ -121,7 +129,7 @@ class Program:
         number = re.match(r"subw?\S* sp, (?:sp, )?#(\d+)|str\S* .*\[sp, #-(\d+)\]!", text)
         if number:
             return int(number[1] or number[2])
-        if re.match(r"(sub|mov|bic|and)\S* sp,", text):
+        if re.match(r"(sub|mov|bic|and)\S* sp,|add\S* sp, (?:sp, )?(?!sp)[a-z]", text):
             raise Unbounded(f"{self.name(address)} reserves stack by a number that it computes")
         return 0
 
@@ -156,16 +164,21 @@ class Program:
         target = None if self._is_call(address) else self._target(address)
         return [target, after] if match[2] or match[4] else [target]
 
+    def _jump(self, address):
+        """Return which jump to an address that it states an instruction is, None for any other."""
+        match = BRANCH.fullmatch(self.code[address][0])
+        return None if match is None or match[1] in ("bx", "blx") else match[1] or match[4]
+
     def _target(self, address):
         return int(self.code[address][1].split(",")[-1].split()[0], 16)
 
     def _is_call(self, address):
         """Whether an instruction calls a function, or ends by a copy in the place of its own."""
-        match = BRANCH.fullmatch(self.code[address][0])
-        if match is None or match[1] in ("bx", "blx"):
+        jump = self._jump(address)
+        if jump is None:
             return False
         target = self.names.get(self._target(address))
-        return match[1] == "bl" or (target in COPIES and self.name(address) != target)
+        return jump == "bl" or (target in COPIES and self.name(address) != target)
 
     def _is_conditional(self, address):
         """Whether an instruction may be one of the at most four after an IT."""
@@ -186,17 +199,32 @@ class Program:
         return 1 + self.bound(target, self._size(address) if copies else None)
 
     def _size(self, call):
-        """Return the number of bytes of a copy: the constant in r2 at its call."""
-        address = call
-        for _ in range(40):
-            address = self.before[address]
-            name, rest = self.code[address]
-            match = re.fullmatch(r"mov[sw.]* r2, (?:#(\d+)|(r\d+|sl|fp))", f"{name} {rest}")
-            if match:
-                return int(match[1]) if match[1] else self._constant(match[2], call)
-            if BRANCH.fullmatch(name) or rest.startswith("r2"):
-                break
-        raise Unbounded(f"{self.name(call)} copies an unknown number of bytes")
+        """Return the number of bytes of a copy: the largest constant that r2 has at its call, on
+        any way from the begin of the function."""
+        sizes, seen, left = [], {call}, [call]
+        while left:
+            place = left.pop()
+            before = self._before(place)
+            if place in self.names or not before:
+                raise Unbounded(f"{self.name(call)} copies an unknown number of bytes")
+            for address in before - seen:
+                name, rest = self.code[address]
+                match = re.fullmatch(r"mov[sw.]* r2, (?:#(\d+)|(r\d+|sl|fp))", f"{name} {rest}")
+                if match:
+                    sizes.append(int(match[1]) if match[1] else self._constant(match[2], call))
+                elif self._is_call(address) or _may_write("r2", name, rest):
+                    raise Unbounded(f"{self.name(call)} copies an unknown number of bytes")
+                else:
+                    left.append(address)
+            seen |= before
+        return max(sizes)
+
+    def _before(self, address):
+        """Return the instructions after which that at an address may be next."""
+        places, before = set(self.jumps.get(address, ())), self.before.get(address)
+        if before is not None and address in self._next(before):
+            places.add(before)
+        return places
 
     def _constant(self, register, call):
         """Return the largest constant in a register that calls preserve and that has no other."""
@@ -247,7 +275,7 @@ class Program:
 
     def _loop_of_heads(self, heads, inside, nodes, size):
         """Return the same for a loop with several heads: each way from one of its tests to the
-        next, or to an end, counts as the longest."""
+        next, or to an end, counts as the longest, and a pass may have all tests."""
         line, tests = self._tests(heads, inside, nodes)
         if line is None:
             raise Unbounded(f"{self.name(heads[0])} has a loop with several heads")
@@ -255,7 +283,7 @@ class Program:
         rest = inside - tests
         begins = {PASS: [one for one in (*heads, *after) if one in rest]}
         done, _ = self._paths(PASS, rest | {PASS}, nodes | begins, size)
-        most = (self.loops[line] + 2) * (max(done.values()) + 1)
+        most = (self.loops[line] + 2) * (max(done.values()) + 1) * len(tests)
         edges = [(one, other) for one in inside for other in nodes[one] if other not in inside]
         return dict.fromkeys(inside, most), dict.fromkeys(edges, most)
 
@@ -336,9 +364,9 @@ def _may_write(register, name, rest):
         return False
     if re.search(rf"\[{register}\b[^]]*\](!|,)|\b{register}!", rest):
         return True
-    if name.startswith("mov"):
-        return rest.startswith(f"{register},")
-    return not re.match(r"str|stm|cmp|cmn|tst|teq|cbn?z", name)
+    if re.match(r"str|stm|cmp|cmn|tst|teq|cbn?z", name):
+        return False
+    return rest.startswith(f"{register},") or bool(re.match(SEVERAL, name))
 
 
 def loop_bounds(text):
@@ -347,14 +375,27 @@ def loop_bounds(text):
     for match in FOR.finditer(text):
         begin, end, before = match[1], match[3], text[: match.start()]
         if begin is None:
-            counter = re.escape(match[2])
-            starts = re.findall(rf"(?<![\w>.]){counter} = (?:INT\d+_C\()?(-?\d+)\)?;", before)
-            begin = starts[-1] if starts else None
+            begin = _least_start(before, match[2])
         if not end.isdecimal():
             end = _largest_count(text, before, end)
         if begin is not None and end is not None:
             bounds[before.count("\n") + 1] = max(0, int(end) - int(begin))
     return bounds
+
+
+def _least_start(before, counter):
+    """Return the least constant that the function before a place gives a counter; None if it gives
+    it anything else."""
+    heads = list(HEAD.finditer(before))
+    own = before[heads[-1].end() :] if heads else before
+    least = None
+    for start in re.findall(rf"(?<![\w>.]){re.escape(counter)} = ([^;]*);", own):
+        number = LITERAL.fullmatch(start)
+        if number is None:
+            return None
+        value = int(number[1] + (number[2] or number[3]))
+        least = value if least is None else min(least, value)
+    return least
 
 
 def _largest_count(text, before, count):
