@@ -15,7 +15,7 @@ from jaxsat.control.normal_form import NormalForm, NormalState, clipped, tilt_of
 from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.array_types import BoolScalar, IntScalar, Pair, RealScalar, Vector
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import positive
 from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState
 
@@ -52,12 +52,9 @@ class FineStage(eqx.Module):
     """
 
     oscillator: Oscillator
-    holding_amplitude: RealScalar = eqx.field(converter=as_float)
+    holding_amplitude: RealScalar = eqx.field(converter=positive("holding_amplitude"))
     handover: Handover
     fade_lean: bool = eqx.field(static=True, default=False)
-
-    def __check_init__(self):
-        require_positive("holding_amplitude", self.holding_amplitude)
 
     @property
     def end_game(self) -> Oscillator:
@@ -155,12 +152,8 @@ class OscillatorySettling(AbstractSampledController):
 
     fine: FineStage
     estimator: ThirdAxisEstimator
-    torque_limit: RealScalar = eqx.field(converter=as_float)
-    period: RealScalar = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        require_positive("torque_limit", self.torque_limit)
-        require_positive("period", self.period)
+    torque_limit: RealScalar = eqx.field(converter=positive("torque_limit"))
+    period: RealScalar = eqx.field(converter=positive("period"))
 
     @property
     def form(self) -> NormalForm:

@@ -27,6 +27,7 @@ from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.checks import as_float, as_optional_float, positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.magnetic import MAGNETIC_CONTROL
+from jaxsat.core.quotients import SMALLEST
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment.disturbances import GravityGradient, has_gravity_gradient
 from jaxsat.spacecraft.environment.orbit import AbstractMagneticField
@@ -48,9 +49,6 @@ orbital rate, and the rate: gravity gradient alone makes at most 1.5 of the form
 
 STAYS = 1 - 1e-6
 """Part of an error left by an orbit from which on it counts as staying, by round-off too."""
-
-SMALLEST = 1e-30
-"""Keeps a quotient of two zeros finite."""
 
 
 class MagneticMode(enum.IntEnum):

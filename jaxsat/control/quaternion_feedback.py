@@ -17,12 +17,9 @@ from jaxsat.core.array_types import Pair, RealScalar, Vector
 from jaxsat.core.checks import as_optional_float, positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.three_torques import QUATERNION_FEEDBACK
-from jaxsat.core.quotients import share_within
+from jaxsat.core.quotients import SMALLEST, share_within
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.wheels import wheel_momentum
-
-SMALLEST = 1e-30
-"""Keeps a quotient of two zeros finite."""
 
 
 class QuaternionFeedbackMemory(NamedTuple):

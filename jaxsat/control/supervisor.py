@@ -17,7 +17,7 @@ from jaxsat.control.oscillatory import Slow, turned
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.slews import Leg, Slewing, SlewPlanner
 from jaxsat.core.array_types import BoolScalar, IntScalar, Pair, RealScalar
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import positive
 from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState
 
@@ -79,22 +79,16 @@ class ThreeSlewSettling(AbstractSampledController):
     planner: SlewPlanner
     fine: FineStage
     estimator: ThirdAxisEstimator
-    torque_limit: RealScalar = eqx.field(converter=as_float)
-    stopped_rate: RealScalar = eqx.field(converter=as_float)
-    lost_rate: RealScalar = eqx.field(converter=as_float)
-    period: RealScalar = eqx.field(converter=as_float)
-    lost_turn: RealScalar = eqx.field(converter=as_float, default=1.0)
-    patience: RealScalar = eqx.field(converter=as_float, default=jnp.inf)
-    slow_rate: RealScalar = eqx.field(converter=as_float, default=jnp.inf)
-    late_turn: RealScalar = eqx.field(converter=as_float, default=0.1)
+    torque_limit: RealScalar = eqx.field(converter=positive("torque_limit"))
+    stopped_rate: RealScalar = eqx.field(converter=positive("stopped_rate"))
+    lost_rate: RealScalar = eqx.field(converter=positive("lost_rate"))
+    period: RealScalar = eqx.field(converter=positive("period"))
+    lost_turn: RealScalar = eqx.field(converter=positive("lost_turn"), default=1.0)
+    patience: RealScalar = eqx.field(converter=positive("patience"), default=jnp.inf)
+    slow_rate: RealScalar = eqx.field(converter=positive("slow_rate"), default=jnp.inf)
+    late_turn: RealScalar = eqx.field(converter=positive("late_turn"), default=0.1)
     aided: bool = eqx.field(static=True, default=False)
     turns_slews: bool = eqx.field(static=True, default=False)
-
-    def __check_init__(self):
-        for name in ("torque_limit", "stopped_rate", "lost_turn", "lost_rate", "period"):
-            require_positive(name, getattr(self, name))
-        for name in ("patience", "slow_rate", "late_turn"):
-            require_positive(name, getattr(self, name))
 
     @property
     def form(self) -> NormalForm:

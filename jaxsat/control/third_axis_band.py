@@ -16,6 +16,7 @@ from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
 from jaxsat.core.checks import as_float, positive
 from jaxsat.core.declaration.three_torques import CALM
+from jaxsat.core.quotients import SMALLEST
 from jaxsat.spacecraft.dynamics import PlantState
 
 LEAVE = 2.0
@@ -26,9 +27,6 @@ RETURN = 0.01
 
 ALIKE = 0.99
 """Share of the best momentum per propellant above which thrusters are treated as equal."""
-
-SMALLEST = 1e-30
-"""Keeps a quotient of two zeros finite."""
 
 
 class BandMemory(NamedTuple):

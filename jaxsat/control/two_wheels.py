@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jaxsat.control.undriven_momentum import relative_to
 from jaxsat.core.array_types import Matrix, Pair, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
-from jaxsat.core.quotients import share_within
+from jaxsat.core.quotients import SMALLEST, share_within
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 TILT_GAIN, TURN_GAIN, RATE_GAIN = 1.0, 0.4, 3.0
@@ -32,9 +32,6 @@ NO_TURN = 0.01
 
 NO_TILT = 0.01
 """Size of the tilt below which its direction fades."""
-
-SMALLEST = 1e-30
-"""Keeps a quotient of two zeros finite."""
 
 
 class TwoWheels(eqx.Module):

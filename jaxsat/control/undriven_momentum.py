@@ -12,10 +12,7 @@ import jax.numpy as jnp
 
 from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
-from jaxsat.core.quotients import length
-
-SMALLEST = 1e-30
-"""Keeps a quotient of two zeros finite."""
+from jaxsat.core.quotients import SMALLEST, length
 
 
 class HeldAttitude(NamedTuple):

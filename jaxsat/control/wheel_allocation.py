@@ -14,7 +14,7 @@ from jaxsat.control.diagnosis.residual import ActuatorCondition
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.control.reconfiguration import Left
 from jaxsat.core.array_types import IntScalar, Matrix, RealScalar, Vector
-from jaxsat.core.quotients import length, root
+from jaxsat.core.quotients import SMALLEST, length, root
 from jaxsat.spacecraft.allocation import allocate
 from jaxsat.spacecraft.effector import Reach
 from jaxsat.spacecraft.wheel_friction import motor_torque
@@ -34,9 +34,6 @@ LEAST_MOMENTUM = 0.02
 PARALLEL = 1e-3
 """Sine of the angle between the Earth's field and the normal of two wheels' plane that is treated
 as zero: magnetorquers then cannot unload them."""
-
-SMALLEST = 1e-30
-"""Keeps a quotient of two zeros finite."""
 
 
 class Wheeled(NamedTuple):

@@ -15,6 +15,9 @@ from jaxtyping import Array, Float
 
 from jaxsat.core.array_types import RealScalar
 
+SMALLEST = 1e-30
+"""Keeps a quotient of two zeros finite."""
+
 
 @jax.custom_jvp
 def reciprocal(x: Float[Array, "*n"]) -> Float[Array, "*n"]:

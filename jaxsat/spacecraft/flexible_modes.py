@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from jaxsat.core.array_types import Matrix, Vector
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, positive
 from jaxsat.spacecraft.axes import of_each, unit_axes
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Storage
 
@@ -50,8 +50,8 @@ class FlexibleModes(AbstractEffector):
     even: ClassVar[bool] = True
 
     axes: Float[Array, "3 k"]
-    coupling: Float[Array, " k"]
-    frequency: Float[Array, " k"]
+    coupling: Float[Array, " k"] = eqx.field(converter=positive("coupling"))
+    frequency: Float[Array, " k"] = eqx.field(converter=positive("frequency"))
     damping: Float[Array, " k"]
     failures: None = None
 
@@ -67,10 +67,6 @@ class FlexibleModes(AbstractEffector):
         self.frequency = of_each(frequency, self.count)
         self.damping = of_each(damping, self.count)
         self.failures = None
-
-    def __check_init__(self):
-        require_positive("coupling", self.coupling)
-        require_positive("frequency", self.frequency)
 
     @classmethod
     def from_tables(

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from jaxsat.core.checks import as_float
+from jaxsat.core.quotients import SMALLEST
 from jaxsat.spacecraft.wheels import Wheels
 
 OfEach = Float[Array, " wheels"]
@@ -15,9 +16,6 @@ STILL = 4.0
 
 SLIGHT = 0.1
 """Smallest torque that is to start a wheel at rest, relative to its friction."""
-
-SMALLEST = 1e-30
-"""Positive floor that keeps a quotient of two zeros finite."""
 
 
 def motor_torque(torque: OfEach, friction: OfEach, side: OfEach) -> OfEach:
