@@ -18,7 +18,7 @@ from jaxsat.control.ripple import RippleFilter, ThirdRate
 from jaxsat.core.array_types import BoolScalar, Matrix, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float, numpy_if_known
-from jaxsat.core.quotients import reciprocal
+from jaxsat.core.quotients import SMALLEST, reciprocal
 from jaxsat.core.trees import choose
 
 MIN_COUPLING, MIN_SHARE = 0.2, 0.2
@@ -29,9 +29,6 @@ MOST_TILT, MOST_TURN = 0.06, 0.03
 """Largest departure of the laws from an attitude that cannot be held, as tilt of the body's third
 axis alone and as turn about it alone, rad. The tolerances are 0.05 of z and of |w|, which is half
 of the tilt, both of the body's axes whatever the plane of the torques."""
-
-STILL = 1e-30
-"""Added to sums that may be zero, in their unit, so that the quotient of two zeros is finite."""
 
 
 class ThirdAxis(NamedTuple):
@@ -243,9 +240,9 @@ class ThirdAxisEstimator(eqx.Module):
         if self.balanced is not None:
             drift = drift - jnp.clip(drift, -self.balanced, self.balanced)
         steepest = self._reach @ by_turn
-        change = jnp.sum(by_turn * steepest) + STILL
+        change = jnp.sum(by_turn * steepest) + SMALLEST
         share = -drift * reciprocal(change)
-        size = jnp.sqrt(share**2 * change + STILL)
+        size = jnp.sqrt(share**2 * change + SMALLEST)
         return share * jnp.minimum(1 / size, 1.0) * steepest
 
     @property
@@ -288,7 +285,7 @@ def in_body(attitude: Quaternion, vector: Vector) -> Vector:
 
 def _main_axes(a: RealScalar, b: RealScalar) -> tuple[RealScalar, Float[Array, "2"]]:
     """`coupling` and `axes` of `ThirdAxis`: half of the angle of (a, -2b), by half-angles."""
-    along = jnp.abs(a) + STILL
+    along = jnp.abs(a) + SMALLEST
     coupling = jnp.sqrt(along**2 + 4 * b**2)
     large = jnp.sqrt((1 + along / coupling) / 2)
     small = -b * reciprocal(coupling * large)

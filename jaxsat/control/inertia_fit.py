@@ -10,10 +10,9 @@ from jaxtyping import Array, Float
 from jaxsat.core.array_types import IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.checks import as_float, positive, require_counts
 from jaxsat.core.inertia import LEAST_TORQUE_TILT
+from jaxsat.core.quotients import SMALLEST
 from jaxsat.spacecraft.axes import directions_across
-
-SMALL = 1e-30
-"""Keeps a quotient of zeros finite."""
+from jaxsat.spacecraft.least_propellant import inverse_of_columns
 
 
 class TorqueAxisFrame(NamedTuple):
@@ -29,15 +28,11 @@ class TorqueAxisFrame(NamedTuple):
     @staticmethod
     def of(inertia: Matrix, axis: Vector) -> "TorqueAxisFrame":
         """The frame of an inertia (kg m²) and the unit vector b; d ∝ J⁻¹b × b, e = b × d."""
-        first, second, third = inertia
-        adjugate = jnp.stack(
-            [jnp.cross(second, third), jnp.cross(third, first), jnp.cross(first, second)]
-        )
-        inverse = adjugate / jnp.sum(first * adjugate[0])
+        inverse = inverse_of_columns(inertia)
         answer = inverse @ axis
         alpha = jnp.sum(axis * answer)
         side = jnp.cross(answer / alpha, axis)
-        side = side / jnp.sqrt(jnp.sum(side**2) + SMALL)
+        side = side / jnp.sqrt(jnp.sum(side**2) + SMALLEST)
         axes = jnp.stack([axis, side, jnp.cross(axis, side)])
         by_side, by_third = (inverse @ row for row in axes[1:])
         return TorqueAxisFrame(

@@ -24,6 +24,7 @@ from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.one_torque import ONE_TORQUE
 from jaxsat.core.declaration.tuned_gains import Scaling
 from jaxsat.core.inertia import LEAST_TORQUE_TILT, torque_axis_frame
+from jaxsat.core.quotients import SMALLEST
 from jaxsat.spacecraft.dynamics import PlantState
 
 RATE_GAIN = 12.0
@@ -63,9 +64,6 @@ LEFT = 0.15
 
 LEAVE_REST = 1.2
 """Rate over the rest rate at which the law resumes."""
-
-SMALL = 1e-30
-"""Keeps quotients and roots of zero finite: rad²/s², or relative to a momentum scale."""
 
 
 class OneTorqueMode(enum.IntEnum):
@@ -199,7 +197,7 @@ class OneTorque(AbstractSampledController):
         frame = TorqueAxisFrame.of(inertia, axis)
         momentum = inertia @ omega
         momenta = Momenta(*(frame.axes @ momentum))
-        rate = jnp.sqrt(jnp.sum(omega**2) + SMALL)
+        rate = jnp.sqrt(jnp.sum(omega**2) + SMALLEST)
         rests = rate < jnp.where(memory.rests, LEAVE_REST, 1.0) * self.rest_rate
         holding = jnp.abs(frame.holding_torque(momenta.x, momenta.y)) / self.torque_limit
         size = jnp.sqrt(jnp.sum(momentum**2))
@@ -228,7 +226,7 @@ class OneTorque(AbstractSampledController):
         w, x, y = at
         force = self.share * self.torque_limit
         unit = jnp.sqrt(force / frame.gamma)
-        across = jnp.sqrt(x**2 + y**2 + SMALL * unit**2)
+        across = jnp.sqrt(x**2 + y**2 + SMALLEST * unit**2)
         left = LEFT * self.rest_rate / frame.alpha
         braking_room = jnp.maximum(x - left, 0.0)
         held = HELD * self.torque_limit / (frame.gamma * across)
@@ -236,7 +234,7 @@ class OneTorque(AbstractSampledController):
         brake = jnp.minimum(_cube_root(3 * force * braking_room / frame.gamma), held)
         brake = jnp.where(jnp.abs(y) < BRAKE_SIDE * x, brake, 0.0)
         most = jnp.maximum(turn, brake)
-        demand, sense = self._turning(frame, at, turn, brake, most, left, SMALL * unit)
+        demand, sense = self._turning(frame, at, turn, brake, most, left, SMALLEST * unit)
         size = jnp.minimum(demand, most)
 
         ready = (x > 0) & (demand >= BRAKED * brake)

@@ -16,15 +16,12 @@ from jaxtyping import Array, Bool, Float
 from jaxsat.control.normal_form import NormalForm, NormalState
 from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, Pair, RealScalar, Vector
 from jaxsat.core.checks import positive
-from jaxsat.core.quotients import angle_of, root
+from jaxsat.core.quotients import SMALLEST, angle_of, root
 from jaxsat.core.tolerances import wrap_angle
 from jaxsat.core.trees import choose
 
 TAIL = 3.0
 """Additional duration of a leg for its exponential end, in time constants."""
-
-STILL = 1e-30
-"""Added to a rate (rad/s), so that the quotient by the rate of a frame at rest is finite."""
 
 END_ITERATIONS = 3
 """Number of iterations for the rotation, which depends weakly on its own duration."""
@@ -126,7 +123,7 @@ class SlewPlanner(eqx.Module):
         likewise. At s = rest the body itself turns about n with the orbit frame.
         """
         q, turn_rate = state.attitude.q, self.form.orbit_rate.at[2].add(-self.form.rest[2])
-        speed = jnp.sqrt(jnp.sum(turn_rate**2) + STILL)
+        speed = jnp.sqrt(jnp.sum(turn_rate**2) + SMALLEST)
         half = speed * ahead / 2
         p0, p = jnp.cos(half), jnp.sin(half) * turn_rate / speed
         scalar = q[0] * p0 + jnp.sum(q[1:] * p)

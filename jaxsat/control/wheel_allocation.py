@@ -13,10 +13,11 @@ from jaxsat.control.diagnosis.diagnosis import WEAK
 from jaxsat.control.diagnosis.residual import ActuatorCondition
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.control.reconfiguration import Left
-from jaxsat.core.array_types import IntScalar, Matrix, RealScalar, Vector
+from jaxsat.core.array_types import IntScalar, RealScalar, Vector
 from jaxsat.core.quotients import SMALLEST, length, root
 from jaxsat.spacecraft.allocation import allocate
 from jaxsat.spacecraft.effector import Reach
+from jaxsat.spacecraft.spacecraft import adjugate
 from jaxsat.spacecraft.wheel_friction import motor_torque
 from jaxsat.spacecraft.wheels import Wheels
 
@@ -53,12 +54,6 @@ class Wheeled(NamedTuple):
     def working(self) -> Bool[Array, " m"]:
         """Mask of the used wheels."""
         return self.usable > 0
-
-
-def adjugate(matrix: Matrix) -> Matrix:
-    """Adjugate det(M) M⁻¹ of a symmetric matrix, which also exists without an inverse."""
-    a, b, c = matrix
-    return jnp.stack([jnp.cross(b, c), jnp.cross(c, a), jnp.cross(a, b)])
 
 
 class WheelAllocation(eqx.Module):

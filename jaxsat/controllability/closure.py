@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.core.array_types import Matrix, RealScalar, Vector
+from jaxsat.spacecraft.spacecraft import adjugate
 
 
 def _length(vector: Vector) -> RealScalar:
@@ -50,11 +51,6 @@ def generator_names(count: int, labels: tuple[str, ...] | None = None) -> tuple[
     )
 
 
-def _adjugate(inertia: Matrix) -> Matrix:
-    a, b, c = inertia
-    return jnp.stack([jnp.cross(b, c), jnp.cross(c, a), jnp.cross(a, b)])
-
-
 def generating_vectors(inertia: Matrix, torque_axes: Float[Array, "3 m"]) -> Float[Array, "3 k"]:
     """Return the spanning list of J S, normalised: m + m(m+1)/2 + 2m columns of length at most 1.
 
@@ -64,7 +60,7 @@ def generating_vectors(inertia: Matrix, torque_axes: Float[Array, "3 m"]) -> Flo
     derivatives; the precision is that of the arguments.
     """
     inertia = inertia / jnp.max(jnp.abs(inertia))
-    inverse = _adjugate(inertia)
+    inverse = adjugate(inertia)
     inverse = inverse / jnp.max(jnp.abs(inverse))
     count = torque_axes.shape[1]
     scale = jnp.max(jnp.abs(torque_axes), axis=0, keepdims=True)

@@ -123,6 +123,7 @@ SHOWN = 2
 """Number of quantities whose distributions are shown."""
 
 PERCENTS = (1.0, 5.0, 10.0, 25.0, 50.0, 75.0, 90.0, 95.0, 99.0)
+"""Percentiles that describe a distribution."""
 
 
 def rare_event_plots(record: Record) -> list[Plot]:

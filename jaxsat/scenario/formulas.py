@@ -141,12 +141,10 @@ class _Parser:
             self.expect("failure", "of")
             window = Instant("failure"), Instant("failure", time)
             return self._temporal("eventually", self.unit(), window, begin)
-        if self.take("always"):
-            window = self.window()
-            return self._temporal("always", self.unit(), window, begin)
-        if self.take("eventually"):
-            window = self.window()
-            return self._temporal("eventually", self.unit(), window, begin)
+        for kind in ("always", "eventually"):
+            if self.take(kind):
+                window = self.window()
+                return self._temporal(kind, self.unit(), window, begin)
         return self.comparison()
 
     def _temporal(

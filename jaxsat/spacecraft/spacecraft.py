@@ -34,12 +34,18 @@ def inverse_of(inertia: Matrix) -> Matrix:
     return as_array(inverse) if isinstance(inverse, np.ndarray) else inverse
 
 
+def adjugate(matrix: Matrix) -> Matrix:
+    """Return det(M) M⁻¹ of a symmetric matrix, which also exists without an inverse."""
+    a, b, c = matrix
+    return jnp.stack([jnp.cross(b, c), jnp.cross(c, a), jnp.cross(a, b)])
+
+
 class Spacecraft(eqx.Module):
     """A rigid spacecraft with an inertia in body axes, kg m².
 
     `inertia` is given as three principal moments or as a symmetric positive-definite 3x3 matrix.
-    Raises `ValueError` for anything else. The equations need no more than a positive-definite
-    matrix; `obeys_triangle_inequality` also checks J1 + J2 >= J3, which holds for every real body.
+    Raises `ValueError` for anything else. The equations do not need J1 + J2 >= J3, which holds for
+    every real body.
     """
 
     inertia: Matrix = eqx.field(converter=_as_inertia)
@@ -65,11 +71,6 @@ class Spacecraft(eqx.Module):
     def inverse_inertia(self) -> Matrix:
         """Inverse of the inertia, 1/(kg m²)."""
         return inverse_of(self.inertia)
-
-    def obeys_triangle_inequality(self) -> bool:
-        """Whether positive mass density can have this inertia (relative tolerance 1e-9)."""
-        low, middle, high = jnp.linalg.eigvalsh(self.inertia)
-        return bool(low + middle >= high * (1 - 1e-9))
 
 
 OfEach = tuple[PyTree, ...]

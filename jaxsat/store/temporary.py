@@ -19,21 +19,11 @@ from jaxsat.store.files import OutputError, explained, sync_files, sync_folder
 from jaxsat.store.marker import MARKER, Marker, remove_folder, user_files_in
 
 
-class FolderLock:
-    """A lock on a folder, held until it is closed."""
+def lock_folder(path: Path) -> contextlib.ExitStack:
+    """Lock a folder for this process until the result is closed.
 
-    def __init__(self, handle: int):
-        self._handle: int | None = handle
-
-    def close(self) -> None:
-        """Release the folder."""
-        if self._handle is not None:
-            os.close(self._handle)
-            self._handle = None
-
-
-def lock_folder(path: Path) -> FolderLock:
-    """Lock a folder for this process; raises `OutputError` while another one holds it."""
+    Raises `OutputError` while another one holds it.
+    """
     with explained(path, "opened"):
         handle = _open(path)
     try:
@@ -42,7 +32,9 @@ def lock_folder(path: Path) -> FolderLock:
         os.close(handle)
         message = f"{path} is being written to by another process."
         raise OutputError(message, failure=True) from error
-    return FolderLock(handle)
+    lock = contextlib.ExitStack()
+    lock.callback(os.close, handle)
+    return lock
 
 
 if sys.platform == "win32":
@@ -73,7 +65,7 @@ class TemporaryFolder(NamedTuple):
 
     path: Path
     marker: Marker
-    lock: FolderLock
+    lock: contextlib.ExitStack
 
     def remove(self) -> None:
         """Remove the rest of the folder, and release the lock."""
@@ -108,15 +100,12 @@ def remove_stale(parent: Path, prefix: str) -> None:
         with contextlib.suppress(OutputError, OSError):
             old = time.time() - folder.lstat().st_mtime > LOCKED_BY
             if old and folder.is_dir() and not folder.is_symlink():
-                lock = lock_folder(folder)
-                try:
+                with lock_folder(folder):
                     marker = Marker.read(folder)
                     if marker is None or marker.complete:
                         continue
                     if marker.about.get("folder") == folder.name:
                         remove_folder(folder)
-                finally:
-                    lock.close()
 
 
 def make_folder(

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 from typing import IO, Any, NamedTuple, cast
 
+from jaxsat.core.checks import require_counts
 from jaxsat.studies.executors import POLL_S, AbstractExecutor, ClusterError, Stop, Work
 from jaxsat.studies.worker import Done, Failed, Ready, WorkerTask, packed
 
@@ -45,10 +46,7 @@ class Processes(AbstractExecutor):
     _stop: Stop = field(default_factory=Stop, init=False, repr=False, compare=False)
 
     def __post_init__(self):
-        for name in ("count", "threads"):
-            value = getattr(self, name)
-            if value < 1:
-                raise ValueError(f"Argument `{name}` must be at least 1, but got {value}.")
+        require_counts(count=self.count, threads=self.threads)
 
     def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
         """Yield results in order of completion; raises `ClusterError` after a call of `stop`."""

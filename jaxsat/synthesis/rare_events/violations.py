@@ -8,14 +8,12 @@ from jaxtyping import Float, Int
 
 from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.core.text import csv_text
+from jaxsat.report.rare_event_document import PERCENTS
 from jaxsat.studies.columns import DRAWN
 from jaxsat.studies.sensitivities import numbers_of
 from jaxsat.studies.splitting import Replications
 from jaxsat.synthesis.rare_events.flights import ROUNDED, Batch
 from jaxsat.synthesis.rare_events.result import Difference
-
-PERCENTS = (1.0, 5.0, 10.0, 25.0, 50.0, 75.0, 90.0, 95.0, 99.0)
-"""Percentiles that describe a distribution."""
 
 MOST_VALUES = 40
 """Largest number of values of a discrete quantity that are described by their shares."""
