@@ -26,7 +26,7 @@ from jaxsat.spacecraft.environment.orbit import (
 TURNS, PHASES = 8, 32
 """Numbers of the Earth's angles and of orbit phases for which gains are stored."""
 
-STEPS, AT_ONCE = 32, 8
+STEPS, AT_ONCE = 16, 4
 """Integration steps from one phase to the next, and per step of the Riccati solution."""
 
 FLOOR = 0.01
@@ -247,19 +247,19 @@ def _hamiltonian(
     by_rods: Float[np.ndarray, "3 3"],
     by_wheels: Float[np.ndarray, "x p"],
 ) -> Float[np.ndarray, "turns halves y y"]:
-    """Matrices F of dy/dτ = F y for y = (x, λ, d), with λ = S (x, d) the costate of x.
+    """Matrices F of dy/dτ = F y for y = (x, d, λ), with λ = S (x, d) the costate of x.
 
     `costs` are the diagonal of Q for x; `by_rods` is J⁻¹ N / r, `by_wheels` C / s.
     """
     size, free = motion.state.shape[0], motion.free
     whole = np.zeros((*free.shape[:2], 2 * size + 3, 2 * size + 3))
-    states, costates = slice(size), slice(size, 2 * size)
+    states, torque, costates = slice(size), slice(size, size + 3), slice(size + 3, None)
     whole[..., states, states], whole[..., costates, costates] = free, -np.swapaxes(free, -1, -2)
     whole[..., states, costates] = -by_wheels @ motion.wheels.T
     across = motion.across + FLOOR * np.eye(3)
-    whole[..., 3:6, size + 3 : size + 6] -= by_rods @ across @ motion.unmade @ motion.inverse.T
+    whole[..., 3:6, size + 6 : size + 9] -= by_rods @ across @ motion.unmade @ motion.inverse.T
     whole[..., costates, states] = -np.diag(costs)
-    whole[..., 3:6, 2 * size :] = motion.inverse
+    whole[..., 3:6, torque] = motion.inverse
     return whole
 
 
@@ -268,21 +268,19 @@ def _periodic_riccati(
 ) -> Float[np.ndarray, "turns phases x z"] | None:
     """S of (x, d), its rows for x, at each phase; None where they do not become periodic.
 
-    `transitions` of (x, λ, d) are those of some steps each, phase by phase.
+    `transitions` of (x, d, λ) are those of some steps each, phase by phase.
     """
     onwards = np.concatenate(list(transitions), axis=1)
     size = (onwards.shape[-1] - 3) // 2
-    costates = slice(size, 2 * size)
-    upper, lower = onwards[..., :size, :], onwards[..., costates, :]
+    upper, lower = onwards[..., :size, :], onwards[..., size + 3 :, :]
     solution = np.broadcast_to(np.eye(size, size + 3), (TURNS, size, size + 3))
     for _ in range(MOST_ORBITS):
         before, rows = solution, []
         for place in reversed(range(onwards.shape[1])):
             later = solution[..., :size] @ upper[:, place] - lower[:, place]
-            right = np.delete(later, costates, axis=-1)
-            right[..., size:] += solution[..., size:]
+            later[..., size : size + 3] += solution[..., size:]
             try:
-                solution = np.linalg.solve(-later[..., costates], right)
+                solution = np.linalg.solve(-later[..., size + 3 :], later[..., : size + 3])
             except np.linalg.LinAlgError:
                 return None
             solution[..., :size] += np.swapaxes(solution[..., :size], 1, 2).copy()
