@@ -277,10 +277,11 @@ def in_turn(diagnosis: DiagnosisMemory, period: RealScalar) -> Bool[Array, " m"]
     """Select the actuators to test now during an alarm: the suspect and its rivals in turn."""
     rivals = jnp.arange(diagnosis.rival.shape[0]) != diagnosis.suspect
     rivals = rivals & diagnosis.rival
-    place = jnp.cumsum(rivals) - 1
-    sample = jnp.round(diagnosis.age / period).astype(int)
+    place = jnp.cumsum(rivals, dtype=jnp.int32) - 1
+    sample = jnp.round(diagnosis.age / period).astype(jnp.int32)
     test = sample // TEST_PERIODS
-    turn = place == test // 2 % jnp.maximum(jnp.sum(rivals), 1)
+    count = jnp.maximum(jnp.sum(rivals, dtype=jnp.int32), 1)
+    turn = place == test // 2 % count
     suspected = ~rivals & diagnosis.rival
     alone = ~jnp.any(rivals)
     tested = jnp.where((test % 2 == 0) | alone, suspected, rivals & turn)

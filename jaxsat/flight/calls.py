@@ -143,7 +143,7 @@ def _parameters(program: FlightProgram, row: np.ndarray) -> list[np.ndarray]:
     place = 0
     for field in program.structs["parameters"].fields:
         part = row[place : place + field.size].reshape(field.shape)
-        arrays[field.number] = part.astype(field.dtype)
+        arrays[field.number] = part.astype(arrays[field.number].dtype)
         place += field.size
     return arrays
 

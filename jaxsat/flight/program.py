@@ -1,8 +1,8 @@
 """A flight controller as scalar programs: its stages, and their structures."""
 
 import hashlib
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import equinox as eqx
@@ -10,9 +10,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.compiler.c.layout import Struct, about, fields_of, parameter_fields
+from jaxsat.compiler.c.layout import Field, Struct, about, fields_of, parameter_fields
 from jaxsat.compiler.c.naming import Names
 from jaxsat.compiler.ir import Function, Source, Value, uses
+from jaxsat.compiler.passes.narrowing import Ports, narrow
 from jaxsat.compiler.scalar_program import ScalarProgram, scalar_program
 from jaxsat.core.fingerprint import fingerprint
 from jaxsat.flight.flight import (
@@ -26,6 +27,17 @@ from jaxsat.flight.flight import (
 )
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.wheels import wheel_momentum
+
+STRUCTURES = {
+    "p": "parameters",
+    "at": "clock",
+    "in": "input",
+    "seen": "seen",
+    "now": "state",
+    "next": "state",
+    "out": "output",
+}
+"""Structures by pointer."""
 
 LARGEST = 8192
 """Largest number of elements of a parameter."""
@@ -147,6 +159,7 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
     }
     stages, starts = _stages(controller, defaults, now, begun, law_input, q, structs)
     structs["parameters"] = _without_unread(structs["parameters"], [*stages, *starts])
+    structs = _narrowed([*starts, *stages], structs, defaults)
     traces = {stage.name: stage.program.jaxpr for stage in (*starts, *stages)}
     modes = {member.name: int(member) for member in flight.law.modes}
     return FlightProgram(
@@ -227,6 +240,40 @@ def _stages(
         stages.insert(0, stage("estimate", "The estimator", [sample, kept("estimator")], outputs))
         starts.insert(0, stage("begin_estimator", title, [attitude], keeps("estimator")))
     return stages, starts
+
+
+def _narrowed(
+    stages: Sequence[ProgramStage], structs: dict[str, Struct], defaults: Sequence[Any]
+) -> dict[str, Struct]:
+    """Shorten whole numbers of stages to 32 bits, and return the structures with such fields."""
+
+    def key(text: str) -> str | None:
+        pointer, _, name = text.partition("[")[0].partition("->")
+        return f"{STRUCTURES[pointer]}.{name}" if name else None
+
+    ports = [
+        Ports(stage.program.function, list(map(key, stage.inputs)), list(map(key, stage.outputs)))
+        for stage in stages
+        if stage.outputs
+    ]
+    least, most = np.iinfo(np.int32).min, np.iinfo(np.int32).max
+    long = [
+        f"parameters.{one.name}"
+        for one in structs["parameters"].fields
+        if one.dtype.kind == "i" and not np.all(_within(defaults[one.number], least, most))
+    ]
+    short = narrow(ports, long)
+
+    def fields(name: str) -> Iterator[Field]:
+        for one in structs[name].fields:
+            is_short = f"{name}.{one.name}" in short
+            yield replace(one, dtype=np.dtype(np.int32)) if is_short else one
+
+    return {name: replace(struct, fields=tuple(fields(name))) for name, struct in structs.items()}
+
+
+def _within(x: Any, least: int, most: int) -> np.ndarray:
+    return (least <= np.asarray(x)) & (np.asarray(x) <= most)
 
 
 def _elements_under(struct: Struct, part: str, pointer: str) -> list[str]:

@@ -15,7 +15,7 @@ from jaxsat.compiler.c.tidying import wrapped
 from jaxsat.compiler.ir import Source, Value
 from jaxsat.flight.flight import FlightController
 from jaxsat.flight.guard import real_type
-from jaxsat.flight.program import FlightProgram, ProgramStage
+from jaxsat.flight.program import STRUCTURES, FlightProgram, ProgramStage
 from jaxsat.flight.templates import template
 
 TYPES_OF_POINTERS = {
@@ -28,17 +28,6 @@ TYPES_OF_POINTERS = {
     "next": "controller_state *next",
     "out": "controller_output *out",
 }
-
-STRUCTURES = {
-    "p": "parameters",
-    "at": "clock",
-    "in": "input",
-    "seen": "seen",
-    "now": "state",
-    "next": "state",
-    "out": "output",
-}
-"""Structures by pointer."""
 
 
 def header(program: FlightProgram, intro: Sequence[str]) -> str:
@@ -148,7 +137,7 @@ def default_parameters(program: FlightProgram) -> list[str]:
     fields = program.structs["parameters"].fields
     for field in fields:
         begin = f"  .{field.name} = "
-        value = _initialiser(np.asarray(program.parameters[field.number]))
+        value = _initialiser(np.asarray(program.parameters[field.number], field.dtype))
         if len(begin) + len(value) > 98:
             begin, value = begin.rstrip(), "\n".join(wrapped(value))
             lines.append(begin)

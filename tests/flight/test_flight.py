@@ -12,7 +12,7 @@ from jaxsat.flight.flight import Input, Seen, State
 from jaxsat.flight.program import flight_program
 from jaxsat.flight.source import header, source
 from jaxsat.flight.vectors import Reference
-from tests.flight.laws import Clocked, loop_of, start
+from tests.flight.laws import Clocked, Filtered, loop_of, start
 
 DRIVER = r"""
 #include "controller.h"
@@ -74,3 +74,9 @@ def test_no_absolute_time_is_part_of_the_interface():
     assert re.search(r"\bint32_t sample;", text)
     assert re.search(r"\bint32_t begin_sample;", text)
     assert not re.search(r"\b(begin_)?time;", text)
+
+
+def test_a_state_that_wraps_beyond_32_bits_keeps_64_beside_a_mode_of_32():
+    text = header(flight_program(loop_of(Filtered(gain=[3.0, 2.0])), start()), [])
+    assert "int32_t mode;" in text
+    assert "int64_t law_samples;" in text  # which it multiplies by 1103515245

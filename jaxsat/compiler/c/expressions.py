@@ -190,6 +190,8 @@ def _whole(name, args, dtype, need) -> Expression | None:
 
 
 def _converted(x: Expression, old: np.dtype, new: np.dtype, need: Need) -> Expression:
+    if old == new:
+        return x
     if new.kind == "b":
         return infix("!=", EQUALITY, x, literal(old.type(0)))
     if old.kind == "b":

@@ -52,7 +52,7 @@ class Seen {
     F64x2 gain;
     I32 hold = 10;
     mutable F64x2 torque;
-    mutable I64 mode = -1;
+    mutable I32 mode = -1;
     mutable F64x2 thrust;
     mutable U32 status = 0;
     mutable I32 sample = 0;
@@ -75,7 +75,7 @@ class ControllerComponentBase : public Seen {
     virtual void ResetCounters_cmdHandler(FwOpcodeType opCode, U32 cmdSeq) = 0;
 
     bool isConnected_outputOut_OutputPort(FwIndexType portNum) const { return portNum == 0; }
-    void outputOut_out(FwIndexType portNum, const F64x2& torque1, I64 mode1, const F64x2& thrust1,
+    void outputOut_out(FwIndexType portNum, const F64x2& torque1, I32 mode1, const F64x2& thrust1,
                        U32 status1, I32 sample1) const {
         torque = torque1;
         mode = mode1;
