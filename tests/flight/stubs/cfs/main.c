@@ -54,7 +54,7 @@ static long judged;
 static long differing;
 static long changes; /* of the mode, and events that tell of one */
 static long told_changes;
-static int64_t mode;
+static int32_t mode;
 static size_t place;
 static bool telling;
 

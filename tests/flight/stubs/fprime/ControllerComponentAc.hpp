@@ -75,7 +75,7 @@ class ControllerComponentBase : public Seen {
     virtual void ResetCounters_cmdHandler(FwOpcodeType opCode, U32 cmdSeq) = 0;
 
     bool isConnected_outputOut_OutputPort(FwIndexType portNum) const { return portNum == 0; }
-    void outputOut_out(FwIndexType portNum, const F64x2& torque1, I32 mode1, const F64x2& thrust1,
+    void outputOut_out(FwIndexType portNum, const F64x2& torque1, const F64x2& thrust1, I32 mode1,
                        U32 status1, I32 sample1) const {
         torque = torque1;
         mode = mode1;
