@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
-from jaxsat.cli.listening import execution, listener, resumed_later
+from jaxsat.cli.listening import resumable
 from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import (
     Cases,
@@ -141,7 +141,8 @@ def _on_acceptance_set(
     others = dict.fromkeys(one for one in laws if one not in (*LAWS, "all"))
     comparison = _compute(
         out,
-        lambda: jaxsat.compare(
+        results,
+        lambda **into: jaxsat.compare(
             [*_select(laws, LAWS), *others],
             level=_select(acceptance.level, LEVELS),
             torque_limit=limits,
@@ -149,9 +150,7 @@ def _on_acceptance_set(
             seed=seed,
             bounds=acceptance.bounds,
             end=acceptance.end,
-            out=out,
-            execution=execution(results),
-            listener=listener(out, results),
+            **into,
         ),
     )
     csv = acceptance.csv
@@ -175,26 +174,18 @@ def _in_scenario(
 
     comparison = _compute(
         out,
-        lambda: compare_in_scenario(
-            scenario,
-            laws,
-            count=count,
-            seed=seed,
-            out=out,
-            execution=execution(results),
-            listener=listener(out, results),
-        ),
+        results,
+        lambda **into: compare_in_scenario(scenario, laws, count=count, seed=seed, **into),
     )
     return comparison.as_data()
 
 
-def _compute(out: Path, work: Callable[[], Result]) -> Result:
+def _compute(out: Path, results: Resumable, work: Callable[..., Result]) -> Result:
     """Do the work; its errors become mistakes, and an interruption names `out`."""
     from jaxsat.synthesis.comparison.run import UnsuitableLaw, UnsuitableSetting
 
     try:
-        with resumed_later(out):
-            return interruptibly(work)
+        return resumable(out, results, work)
     except UnsuitableLaw as error:
         raise option_mistake(error, ["law"], "--law: ") from None
     except (UnsuitableSetting, ModuleNotFoundError) as error:

@@ -28,14 +28,19 @@ def run_into(
     `UserMistake` that names the option of the wrong argument, if it is in `options`.
     """
     try:
-        with resumed_later(target):
-            return interruptibly(
-                lambda: work(
-                    out=target, execution=execution(results), listener=listener(target, results)
-                )
-            )
+        return resumable(target, results, work)
     except ValueError as error:
         raise option_mistake(error, options) from None
+
+
+def resumable(target: Path, results: Resumable, work: Callable[..., Result]) -> Result:
+    """Return the result of `work` as `run_into` does, with its errors as they are."""
+    with resumed_later(target):
+        return interruptibly(
+            lambda: work(
+                out=target, execution=execution(results), listener=listener(target, results)
+            )
+        )
 
 
 def listener(target: Path, results: Resumable) -> "Listener":

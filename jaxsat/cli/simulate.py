@@ -91,21 +91,24 @@ def _simulated(
 
 
 def _write(folder: "OutputFolder", scenario: "Scenario", dataset: "xr.Dataset") -> None:
+    record = json.dumps(_record(scenario, dataset), indent=2, ensure_ascii=False)
+    folder.write("run.json", record + "\n")
+    write_trajectory(folder, dataset)
+
+
+def write_trajectory(folder: "OutputFolder", dataset: "xr.Dataset") -> None:
+    """Write the scenario of a trajectory, the trajectory and its figures."""
     from jaxsat.report.saving import save_figures
     from jaxsat.store.netcdf import dataset_bytes
 
+    def figures() -> "dict[str, Figure]":
+        from jaxsat.report.figures import trajectory_figures  # `save_figures` imports matplotlib
+
+        return trajectory_figures(dataset)
+
     folder.write("scenario.toml", dataset.attrs["scenario"])
-    record = json.dumps(_record(scenario, dataset), indent=2, ensure_ascii=False)
-    folder.write("run.json", record + "\n")
     folder.write("trajectory.nc", dataset_bytes(dataset))
-    save_figures(lambda: figures_of(dataset), folder.write)
-
-
-def figures_of(dataset: "xr.Dataset") -> "dict[str, Figure]":
-    """Return figures of a trajectory by file name; `save_figures` imports matplotlib before."""
-    from jaxsat.report.figures import trajectory_figures
-
-    return trajectory_figures(dataset)
+    save_figures(figures, folder.write)
 
 
 def _record(scenario: "Scenario", dataset: "xr.Dataset") -> dict[str, Any]:

@@ -57,18 +57,13 @@ def write_one_case(
     scenario: "Scenario", study: "Study", number: int, target: Path, *, overwrite: bool, quiet: bool
 ) -> None:
     """Compute one case again, and write a folder like that of `jaxsat simulate`."""
-    from jaxsat.cli.simulate import figures_of
-    from jaxsat.report.saving import save_figures
+    from jaxsat.cli.simulate import write_trajectory
     from jaxsat.store.folder import OutputFolder
 
     try:
         with dask_unseen(), OutputFolder(target, kind="run", overwrite=overwrite) as folder:
-            from jaxsat.store.netcdf import dataset_bytes  # imports xarray
-
             dataset, draws = interruptibly(lambda: replayed(scenario, study, number), brief=True)
-            folder.write("scenario.toml", dataset.attrs["scenario"])
-            folder.write("trajectory.nc", dataset_bytes(dataset))
-            save_figures(lambda: figures_of(dataset), folder.write)
+            write_trajectory(folder, dataset)
     except ValueError as error:
         raise UserMistake(str(error)) from None
     if not quiet:

@@ -4,12 +4,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from jaxsat.report.figure_painter import paint_grid
 from jaxsat.report.study_plots import settled_by_law
-from jaxsat.report.style import SETTINGS, escape_mathematics, line_of, set_title
+from jaxsat.report.style import escape_mathematics, line_of, panels
 
 
 def settling_comparison(
@@ -39,10 +38,7 @@ def recovery_comparison(recovery: Mapping[str, Mapping[str, Any]], title: str) -
     """
     kinds = {kind: one["cases"] for of_law in recovery.values() for kind, one in of_law.items()}
     names = list(kinds)
-    with rc_context(dict[Any, Any](SETTINGS)):
-        figure = Figure(figsize=(max(6.5, 1.1 * len(kinds) + 1), 3.2), layout="constrained")
-        axis = figure.subplots()
-        set_title(figure, title)
+    figure, ((axis,),) = panels(title, (max(6.5, 1.1 * len(kinds) + 1), 3.2))
     for place, (law, of_law) in enumerate(recovery.items()):
         shares = [one["fraction"] for one in of_law.values()]
         value, low, high = (np.array([one[k] for one in shares]) for k in ("value", "low", "high"))

@@ -8,14 +8,7 @@ from jaxsat.core.text import number_text
 from jaxsat.report.comparison_document import ENDS
 from jaxsat.report.document import Cell, Document, Facts, Table, Verdict
 from jaxsat.report.saving import save_figures
-from jaxsat.report.style import (
-    FURTHER_LINES,
-    LINES,
-    MARKERS,
-    SETTINGS,
-    escape_mathematics,
-    set_title,
-)
+from jaxsat.report.style import FURTHER_LINES, LINES, MARKERS, escape_mathematics, panels
 
 UNITS = {"time": "s", "effort": "N m s"}
 
@@ -89,24 +82,16 @@ def front_figure(fronts: Sequence[dict[str, Any]], title: str) -> "Figure":
     columns = min(len(fronts), MOST_COLUMNS)
     rows = -(-len(fronts) // columns)
     names = list(dict.fromkeys(one["law"] for front in fronts for one in front["laws"]))
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
-    with rc_context(dict[Any, Any](SETTINGS)):
-        size = (max(5.5, WIDTH * columns + 0.6), HEIGHT * rows + 0.7)
-        figure = Figure(figsize=size, layout="constrained")
-        axes = figure.subplots(rows, columns, squeeze=False)
-        set_title(figure, title)
-    panels = list(axes.flat)
-    for axis, front in zip(panels, fronts, strict=False):
+    size = (max(5.5, WIDTH * columns + 0.6), HEIGHT * rows + 0.7)
+    figure, axes = panels(title, size, rows, columns)
+    each = [axis for row in axes for axis in row]
+    for axis, front in zip(each, fronts, strict=False):
         _draw(axis, front, names)
-    for axis in panels[len(fronts) :]:
+    for axis in each[len(fronts) :]:
         axis.set_visible(False)
     for row in axes:
         row[0].set_ylabel("effort (N m s)")
-    handles = [
-        zip(*axis.get_legend_handles_labels(), strict=True) for axis in panels[: len(fronts)]
-    ]
+    handles = [zip(*axis.get_legend_handles_labels(), strict=True) for axis in each[: len(fronts)]]
     lines = {label: handle for pairs in handles for handle, label in pairs}
     figure.legend([*lines.values()], [*lines], loc="outside lower center", ncols=min(4, len(lines)))
     return figure

@@ -51,7 +51,8 @@ def fan_chart(
 
     `values` has shape (cases, times, components); NaN, after the end of a failed case, is left out.
     """
-    figure, axes = panels(len(labels), title, height=1.8)
+    figure, rows = panels(title, (7.0, 1.8 * len(labels) + 0.7), len(labels))
+    axes = [panel for (panel,) in rows]
     for panel, label, component in zip(axes, labels, np.moveaxis(values, 2, 0), strict=True):
         panel.set_ylabel(label)
         alive = np.isfinite(component).any(axis=0)
@@ -126,7 +127,7 @@ def settling_distribution(settling_time: np.ndarray, title: str) -> Figure:
     available_plots = [plot for plot in plots if plot is not None]
     if available_plots:
         return paint(available_plots, title)
-    figure, (panel,) = panels(1, title, height=1.2)
+    figure, ((panel,),) = panels(title, (7.0, 1.9))
     text = f"none of {len(settling_time)} cases settled"
     panel.text(0.5, 0.5, text, ha="center", va="center", transform=panel.transAxes)
     panel.set_axis_off()
@@ -160,7 +161,7 @@ def success_map(
 ) -> Figure:
     """Plot the fraction settled over two dispersed numbers, in cells of equal size."""
     cells = int(np.clip(np.sqrt(len(x) / 10), 4, 40))
-    figure, (panel,) = panels(1, title, height=4.2)
+    figure, ((panel,),) = panels(title, (7.0, 4.9))
     fraction, x_edges, y_edges, _ = stats.binned_statistic_2d(
         x, y, settled.astype(float), statistic="mean", bins=cells
     )

@@ -90,13 +90,15 @@ def escape_mathematics(label: str) -> str:
     return clean(label, MAX_LABEL_LENGTH).replace("$", "\\$")
 
 
-def panels(count: int, title: str, height: float = 2.1) -> "tuple[Figure, list[Axes]]":
-    """Return a figure with a title and `count` panels above each other over one time axis."""
+def panels(
+    title: str, size: tuple[float, float], rows: int = 1, columns: int = 1
+) -> "tuple[Figure, list[list[Axes]]]":
+    """Return a figure of this size (inches) with a title, and its rows of panels."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     with rc_context(dict[Any, Any](SETTINGS)):
-        figure = Figure(figsize=(7.0, height * count + 0.7), layout="constrained")
-        axes = figure.subplots(count, 1, squeeze=False)[:, 0]
+        figure = Figure(figsize=size, layout="constrained")
+        axes = figure.subplots(rows, columns, squeeze=False)
         set_title(figure, title)
-    return figure, list(axes)
+    return figure, axes.tolist()

@@ -45,7 +45,7 @@ def drawn(figure):
 
 @pytest.mark.parametrize("text", UGLY)
 def test_titles_and_labels_are_drawn_as_they_are(text):
-    figure, (axes,) = panels(1, text, height=2.0)
+    figure, ((axes,),) = panels(text, (7.0, 2.7))
     axes.plot([0, 1], [0, 1], label=escape_mathematics(text) or "x")
     axes.legend()
     axes.set_xlabel(escape_mathematics(text))
@@ -54,7 +54,7 @@ def test_titles_and_labels_are_drawn_as_they_are(text):
 
 @pytest.mark.parametrize("length", [40, 84, 120])
 def test_a_title_ends_within_its_figure(length):
-    figure, _ = panels(1, ("pointing error to the orbit frame " * 4)[:length], height=2.0)
+    figure, _ = panels(("pointing error to the orbit frame " * 4)[:length], (7.0, 2.7))
     figure.draw_without_rendering()
     title = figure.get_suptitle()
     box = next(text for text in figure.texts if text.get_text() == title).get_window_extent()

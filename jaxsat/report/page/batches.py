@@ -56,6 +56,12 @@ def form_explained(folder: Path) -> Iterator[None]:
         raise OutputError(f"{folder} contains numbers of another form; write it again.") from error
 
 
+def _section(kind: str, folder: Path, document: Document, *blocks: Block) -> Document:
+    """Return the section of a folder: its document, then further blocks."""
+    blocks = (*document.blocks, *blocks)
+    return dataclasses.replace(document, blocks=blocks, kind=f"{kind} in {folder.name}")
+
+
 def tuning_section(folder: Path) -> Document:
     """Return the section of a tuning."""
     verdict, receipt = (read_record(folder / f"{name}.json") for name in ("verdict", "receipt"))
@@ -64,15 +70,15 @@ def tuning_section(folder: Path) -> Document:
     title = str(history.attrs.get("title", "")) or folder.name
     with form_explained(folder):
         document = tuning_document(title, verdict, receipt, baselines)
-    tuned_scenario = read_lines(folder / "tuned.toml")
-    blocks = [
-        *document.blocks,
+    return _section(
+        "Tuning",
+        folder,
+        document,
         Charts("On the way", [*map(chart_of, [*loss_plots(history), *gain_plots(history)])]),
         Facts("Scenario before", scenario_facts(scenario_tables(history))),
         provenance_facts(history.attrs),
-        Listing("Tuned scenario", tuned_scenario, "tuned.toml"),
-    ]
-    return dataclasses.replace(document, blocks=blocks, kind=f"Tuning in {folder.name}")
+        Listing("Tuned scenario", read_lines(folder / "tuned.toml"), "tuned.toml"),
+    )
 
 
 def comparison_section(folder: Path) -> Document:
@@ -80,12 +86,8 @@ def comparison_section(folder: Path) -> Document:
     record = read_record(folder / "comparison.json")
     with form_explained(folder):
         document = comparison_document(record)
-    blocks = [
-        *document.blocks,
-        Charts("Settling", _settled_by_law(folder, record["rows"])),
-        record_provenance(record),
-    ]
-    return dataclasses.replace(document, blocks=blocks, kind=f"Comparison in {folder.name}")
+    charts = Charts("Settling", _settled_by_law(folder, record["rows"]))
+    return _section("Comparison", folder, document, charts, record_provenance(record))
 
 
 def verification_section(folder: Path) -> Document:
@@ -93,8 +95,7 @@ def verification_section(folder: Path) -> Document:
     record = read_record(folder / "verification.json")
     with form_explained(folder):
         document = verification_document(record)
-    blocks = [*document.blocks, record_provenance(record)]
-    return dataclasses.replace(document, blocks=blocks, kind=f"Verification in {folder.name}")
+    return _section("Verification", folder, document, record_provenance(record))
 
 
 def rare_event_section(folder: Path) -> Document:
@@ -103,8 +104,7 @@ def rare_event_section(folder: Path) -> Document:
     with form_explained(folder):
         document = rare_event_document(record)
         charts = Charts("Levels and violations", list(map(chart_of, rare_event_plots(record))))
-    blocks = [*document.blocks, charts, record_provenance(record)]
-    return dataclasses.replace(document, blocks=blocks, kind=f"Rare event in {folder.name}")
+    return _section("Rare event", folder, document, charts, record_provenance(record))
 
 
 def _settled_by_law(folder: Path, rows: list[Mapping[str, Any]]) -> list[Chart]:
@@ -138,13 +138,9 @@ def reproduction_section(folder: Path) -> Document:
         [f"{name}.nc", RUNS[name].purpose, str(data.attrs["outcome"])]
         for name, data in datasets.items()
     ]
-    blocks = [
-        *document.blocks,
-        Charts("Runs", charts),
-        Table("Files", ["run", "purpose", "outcome"], runs),
-        provenance_facts(next(iter(datasets.values())).attrs),
-    ]
-    return dataclasses.replace(document, blocks=blocks, kind=f"Reproduction in {folder.name}")
+    files = Table("Files", ["run", "purpose", "outcome"], runs)
+    provenance = provenance_facts(next(iter(datasets.values())).attrs)
+    return _section("Reproduction", folder, document, Charts("Runs", charts), files, provenance)
 
 
 def controllability_section(folder: Path) -> Document:

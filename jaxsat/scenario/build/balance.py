@@ -28,11 +28,7 @@ from jaxsat.scenario.holding import missing_torque, nearest_balance, rotation
 from jaxsat.scenario.parts.torque_makers import TorqueMakers
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft.dynamics import RigidBody
-from jaxsat.spacecraft.environment.disturbances import (
-    AbstractDisturbance,
-    PeriodicTorque,
-    SumOfDisturbances,
-)
+from jaxsat.spacecraft.environment.disturbances import PeriodicTorque, terms_of
 from jaxsat.spacecraft.environment.ellipse import EllipticOrbit
 
 PLACES = 24
@@ -183,7 +179,8 @@ def _torque_about(
     plant: RigidBody, normal: Float[np.ndarray, "3"], times: Float[np.ndarray, " k"]
 ) -> Callable[[Float[np.ndarray, "*n 3 3"]], Float[np.ndarray, "*n"]]:
     """Return the mean torque (N m) about an axis over times (s), of matrices into body axes."""
-    terms, inertia = _lasting(plant.disturbance), plant.spacecraft.inertia
+    lasting = (one for one in terms_of(plant.disturbance) if not isinstance(one, PeriodicTorque))
+    terms, inertia = tuple(lasting), plant.spacecraft.inertia
 
     @jax.jit
     @jax.vmap
@@ -202,12 +199,6 @@ def _torque_about(
         return np.concatenate(batches)[: len(flat)].reshape(matrices.shape[:-2])
 
     return given
-
-
-def _lasting(disturbance: AbstractDisturbance) -> tuple[AbstractDisturbance, ...]:
-    several = isinstance(disturbance, SumOfDisturbances)
-    terms = disturbance.terms if several else (disturbance,)
-    return tuple(one for one in terms if not isinstance(one, PeriodicTorque))
 
 
 def _times(scenario: Scenario) -> Float[np.ndarray, " k"]:

@@ -152,10 +152,14 @@ class GravityGradientAt(AbstractDisturbance):
         return size * jnp.cross(nadir, inertia @ nadir)
 
 
+def terms_of(disturbance: AbstractDisturbance) -> tuple[AbstractDisturbance, ...]:
+    """Return the terms of a sum, or the disturbance alone."""
+    return disturbance.terms if isinstance(disturbance, SumOfDisturbances) else (disturbance,)
+
+
 def has_gravity_gradient(disturbance: AbstractDisturbance) -> bool:
     """Whether a disturbance includes the gravity gradient on a circular orbit."""
-    terms = disturbance.terms if isinstance(disturbance, SumOfDisturbances) else (disturbance,)
-    return any(isinstance(term, GravityGradient) for term in terms)
+    return any(isinstance(term, GravityGradient) for term in terms_of(disturbance))
 
 
 class SumOfDisturbances(AbstractDisturbance):

@@ -18,7 +18,7 @@ from jaxsat.spacecraft.environment.disturbances import (
     GravityGradient,
     NoDisturbance,
     PeriodicTorque,
-    SumOfDisturbances,
+    terms_of,
 )
 from jaxsat.spacecraft.environment.orbit import SmallAngleOrbit
 
@@ -150,7 +150,7 @@ def _end_of(tolerances: Tolerances) -> tuple[float, float, float]:
 def _torques(
     disturbance: AbstractDisturbance,
 ) -> tuple[list[PeriodicTorque], list[ConstantTorque], list[GravityGradient]]:
-    terms = disturbance.terms if isinstance(disturbance, SumOfDisturbances) else (disturbance,)
+    terms = terms_of(disturbance)
     periodic = [term for term in terms if isinstance(term, PeriodicTorque)]
     constant = [term for term in terms if isinstance(term, ConstantTorque)]
     gradients = [term for term in terms if isinstance(term, GravityGradient)]
