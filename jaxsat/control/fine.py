@@ -7,9 +7,9 @@ from typing import ClassVar, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 
-from jaxsat.control.demands import MorinSamson
+from jaxsat.control.demands import MorinSamson, beyond
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
-from jaxsat.control.handover import Handover, HoldRecord, UnbalancedDrift
+from jaxsat.control.handover import AIMED_TURN, Handover, HoldRecord, UnbalancedDrift
 from jaxsat.control.leaks import USED, Aid
 from jaxsat.control.normal_form import NormalForm, NormalState, clipped, tilt_of
 from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow
@@ -105,29 +105,34 @@ class FineStage(eqx.Module):
         if aid is not None:
             deceleration = jnp.maximum(deceleration, USED * jnp.min(aid.push))
         excess = state.omega - third.rest
-        coast, hold = None, memory.hold
+        coast, hold, own_aim = None, memory.hold, self.handover.aimed_turn
         if hold is not None:
-            coast = UnbalancedDrift.of(hold, clock, self.oscillator.frequency, lasting, sure)
+            aimed = AIMED_TURN if own_aim is None else own_aim
+            coast = UnbalancedDrift.of(hold, clock, self.oscillator.frequency, lasting, sure, aimed)
         late = self.handover(
             memory.late, tilt, slow, excess, deceleration, third.turn[2], coast, clock
         )
         early, quiet = self.oscillator, self.end_game
         if largest is not None:
             early = dataclasses.replace(early, largest_amplitude=largest)
-        aim, slow_late, third_late = None, slow, third
+        aim, slow_early, third_early, slow_late, third_late = None, slow, third, slow, third
         if hold is not None and coast is not None:
             hold = hold.after(late, clock, coast)
             from_wanted = Slow(slow.rate, slow.turn + third.turn[2])
             aim = coast.aim(from_wanted.turn)
             slow_late = choose(coast.drifts, coast.opposed(from_wanted, HOLDING_TURN), slow)
             third_late = third._replace(drift=jnp.where(coast.drifts, 0.0, third.drift))
+            if own_aim is not None:
+                outside = beyond(from_wanted.turn, own_aim)
+                slow_early = choose(coast.drifts, Slow(slow.rate, outside), slow)
+                third_early = third_late
 
         # Both share all that follows from the chosen request, above all roots and quotients.
         if aid is not None:
             alone = jnp.min(aid.push) > 0
             slow_late = Slow(*(jnp.where(alone, 0.0, x) for x in slow_late))
         quiet_request = quiet.request(slow_late, third_late)
-        request = choose(late, quiet_request, early.request(slow, third, aim))
+        request = choose(late, quiet_request, early.request(slow_early, third_early, aim))
         motion = request.granted(third.axes)
         tracking = early.tracking(clock, state, tilt, motion)
         return early.torque(state.omega, tracking), tracking.rate, FineMemory(motion, late, hold)

@@ -17,7 +17,7 @@ from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
 from jaxsat.core.checks import as_optional_float, positive
 
 AIMED_TURN = 0.02
-"""A, rad; the settling tolerance is 0.05 rad."""
+"""Default of A, rad; the settling tolerance of a turn about the body's third axis is 0.05 rad."""
 
 NEAR_AIM, ENOUGH = 0.85, 0.75
 """Smallest duration of a hold relative to one that begins as aimed, to begin it and to keep it."""
@@ -55,12 +55,13 @@ class UnbalancedDrift(NamedTuple):
     """The part of the drift that the end game cannot balance, and whether to judge a hold now.
 
     The end game balances a drift up to `sure`; the rest, `drift` (rad/s²), is zero for a smaller
-    one, and until the drift is known.
+    one, and until the drift is known. `aimed` is A (rad).
     """
 
     drift: RealScalar
     sure: RealScalar
     judged: BoolScalar
+    aimed: RealScalar | float
 
     @staticmethod
     def of(
@@ -69,6 +70,7 @@ class UnbalancedDrift(NamedTuple):
         frequency: RealScalar,
         drift: RealScalar,
         sure: RealScalar,
+        aimed: RealScalar | float = AIMED_TURN,
     ) -> "UnbalancedDrift":
         """The coast for a `drift` (rad/s²) of which `sure` is balanced.
 
@@ -76,7 +78,7 @@ class UnbalancedDrift(NamedTuple):
         """
         old = (clock - hold.begin) * frequency > KNOWN_PERIODS * 2 * jnp.pi
         beyond = jnp.where(hold.known | old, drift - jnp.clip(drift, -sure, sure), 0.0)
-        return UnbalancedDrift(beyond, sure, old & ~hold.known)
+        return UnbalancedDrift(beyond, sure, old & ~hold.known, aimed)
 
     @property
     def drifts(self) -> BoolScalar:
@@ -85,7 +87,7 @@ class UnbalancedDrift(NamedTuple):
 
     def aim(self, turn: RealScalar) -> RealScalar:
         """The slow rate (rad/s) with which a hold should begin at a `turn` (rad)."""
-        way = jnp.maximum(AIMED_TURN + jnp.sign(self.drift) * turn, 0.0)
+        way = jnp.maximum(self.aimed + jnp.sign(self.drift) * turn, 0.0)
         return -jnp.sign(self.drift) * jnp.sqrt(2 * jnp.abs(self.drift) * way + TINY)
 
     def lasts(
@@ -164,7 +166,9 @@ class Handover(eqx.Module):
     within the balanced drift also ends at a turn of `leave_held` (rad), if given, from the held
     attitude: that may be far from the target, but beyond this turn gravity gradient soon
     turns the body faster than the oscillation. `slack` is the dead band of the slow rate,
-    None for no band.
+    None for no band. With an `aimed_turn` (rad), which is A, the large oscillation before a hold
+    against a drift steers the slow rate alone while the turn is within A. Steering a turn beside a
+    slow rate that is not zero would take an oscillation that never ends.
     """
 
     enter_rate: RealScalar = eqx.field(converter=positive("enter_rate"))
@@ -176,6 +180,7 @@ class Handover(eqx.Module):
     slack: RippleSlack | None = None
     aim_slack: RealScalar | None = None
     leave_held: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
+    aimed_turn: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
 
     def __call__(
         self,

@@ -71,6 +71,9 @@ ORBIT_STEADY, ORBIT_STEADY_DRIFT, AIM_SLACK = 0.05, 1e-4, 2.0
 drift with the attitude, in parts of ω0^2.5; and the tolerance on the aimed slow rate at the begin
 of a hold, in parts of the oscillation's dead zone."""
 
+AIMED_SHARE = 2 / 3
+"""Turn against the drift at which a hold is aimed, relative to the turn at which it ends."""
+
 TILT_ROOM, NO_PART = 1.6, 1e-9
 """Ratio of the limits on turns across the body's third axis and about it (0.1 against 0.05 rad,
 less a tenth and the oscillation's share of the tilt), and an axis component treated as zero."""
@@ -191,16 +194,26 @@ def coasting(law: ThreeSlewSettling, pulse: float, noise: float) -> ThreeSlewSet
     """Return the law with an estimate of the constant torque about n, and holds that begin against
     that torque where the end game cannot balance it.
 
-    The end game leaves room for the rate (rad/s) that the smallest `pulse` of a thruster changes.
-    The estimate assumes at least the `noise` (rad/s) of the measured rates.
+    They turn about n as far as the tolerances of settling allow. The end game leaves room for the
+    rate (rad/s) that the smallest `pulse` of a thruster changes. The estimate assumes at least the
+    `noise` (rad/s) of the measured rates.
     """
     unit = _scaling(law.form, float(law.torque_limit), float(law.period)).fine_time
     amplitude = float(law.fine.holding_amplitude)
     law = _with_steady(law, (STEADY / unit**2, STEADY_DRIFT / unit**2.5), noise)
     amplitude = max(amplitude - PULSE_SHARE * pulse, LEAST_QUIET * amplitude)
-    fine = dataclasses.replace(law.fine, holding_amplitude=as_float(amplitude))
+    room, handover = _room(law.form), law.fine.handover
+    leave_turn = room * handover.leave_turn
+    handover = dataclasses.replace(
+        handover,
+        enter_turn=room * handover.enter_turn,
+        leave_turn=leave_turn,
+        aimed_turn=AIMED_SHARE * leave_turn,
+    )
+    fine = dataclasses.replace(law.fine, holding_amplitude=as_float(amplitude), handover=handover)
     estimator = dataclasses.replace(law.estimator, balanced=_balanced(fine))
-    return eqx.tree_at(lambda one: (one.estimator, one.fine), law, (estimator, fine))
+    late_turn = room * law.late_turn
+    return dataclasses.replace(law, fine=fine, estimator=estimator, late_turn=late_turn)
 
 
 def balancing(law: ThreeSlewSettling, noise: float) -> ThreeSlewSettling:

@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 from control.cases import ORBIT_RATE, body
 from jaxsat.control.demands import MorinSamson
 from jaxsat.control.estimators import MOST_TILT, MOST_TURN, ThirdAxisEstimator, in_body, products_of
-from jaxsat.control.fine import Handover
+from jaxsat.control.fine import SURE_SHARE, Handover
 from jaxsat.control.finite_time_rate import FiniteTimeRate
 from jaxsat.control.normal_form import NormalForm, NormalState, tilt_of
 from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow, turned
-from jaxsat.control.presets import balancing, three_slew_settling
+from jaxsat.control.presets import balancing, coasting, three_slew_settling
 from jaxsat.control.ripple import RippleFilter
 from jaxsat.control.supervisor import Phase
 from jaxsat.core.attitude import WZ, Quaternion
@@ -279,6 +279,41 @@ def test_no_phase_is_stayed_in_in_vain():
     assert phase(Phase.OSCILLATING, late, 0.0, z=1.1 * turn) == Phase.STOPPING
 
 
+def test_steering_towards_a_hold_against_a_drift_ends_where_the_rate_is_as_aimed():
+    """On the parabola s² = 2 d (A + z), by SciPy, nothing is left to do while |z| is below A.
+
+    The drift is d and what the end game balances.
+
+    Steering the turn, too, takes an oscillation that excludes a hold.
+    """
+    law, drift = coasting(three_slew_settling(body(), 5.0), 1e-6, 1e-7), 1e-7
+    stage = eqx.tree_at(lambda one: one.handover.enter_turn, law.fine, 1e-9)  # never holds
+    aim = float(stage.handover.aimed_turn)
+    begin = -np.sqrt(2 * drift * 1.9 * aim)
+    path = solve_ivp(
+        lambda t, y: [y[1], drift], (0, -begin / drift), [0.9 * aim, begin], dense_output=True
+    )
+    balanced = SURE_SHARE * float(law.form.coupling) * float(stage.holding_amplitude) ** 2 / 2
+    third = told(law.form, law.form.rest)._replace(drift=jnp.array(drift + balanced))
+    before = stage.init(law.form.rest)
+    before = before._replace(hold=before.hold._replace(known=jnp.array(True)))
+
+    @eqx.filter_jit
+    def amplitude(stage, turn, rate):
+        upright = WZ([0.0, 0.0], turn).as_quaternion()
+        state = NormalState(upright, law.form.rest, law.form.orbit_rate)
+        after = stage.step(jnp.array(0.0), state, third._replace(rate=rate), before)[2]
+        return after.oscillation.amplitude
+
+    quiet = float(stage.holding_amplitude)
+    for share in (0.1, 0.5, 0.9):
+        turn, rate = (jnp.array(x) for x in path.sol(share * path.t[-1]))
+        assert amplitude(stage, turn, rate) < 0.01 * quiet
+        assert amplitude(stage, turn, rate - 3e-5) > quiet
+    outside = jnp.array(2 * aim), jnp.array(-np.sqrt(2 * drift * 3 * aim))
+    assert amplitude(stage, *outside) > 10 * quiet
+
+
 @pytest.mark.parametrize("acts", [True, False])
 def test_only_under_gravity_gradient_errors_of_the_products_are_balanced(acts):
     """The estimate scales with the orbit, and expects the noise of the sensors."""
@@ -307,6 +342,12 @@ def test_a_hold_turns_about_n_as_far_as_the_tolerances_allow(normal, room):
     leave = float(found.fine.handover.leave_turn)
     assert leave == pytest.approx(room * float(law.fine.handover.leave_turn))
     assert float(found.estimator.most_turn) == pytest.approx(2 / 3 * leave)
+    against_torque = coasting(law, 0.0, 0.0)
+    handover = against_torque.fine.handover
+    assert float(handover.leave_turn) == pytest.approx(leave)
+    assert float(handover.aimed_turn) < float(handover.enter_turn) < leave
+    # The end of a hold, as seen from an attitude that is held beside the target, is not lost.
+    assert leave + MOST_TURN < float(against_torque.late_turn)
 
     def within(angle):
         q = Rotation.from_rotvec(angle * np.array(normal)).as_quat(scalar_first=True)
