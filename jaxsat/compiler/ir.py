@@ -217,8 +217,15 @@ def blocks_in(step: Step) -> Sequence[Block]:
     return ()
 
 
-def uses(step: Step) -> Iterable[int]:
-    """Numbers of the values from outside a step that it reads."""
+Known = dict[tuple[str, int], tuple[Any, set]]
+"""Memo of a pass, by the identity of a step or function: this, and what it reads or touches."""
+
+
+def uses(step: Step, known: Known | None = None) -> Iterable[int]:
+    """Numbers of the values from outside a step that it reads.
+
+    Loops and switches that are `known` are not searched again.
+    """
     match step:
         case Operation(args=args) | Call(args=args):
             return numbers_of(args)
@@ -226,27 +233,32 @@ def uses(step: Step) -> Iterable[int]:
             return numbers_of([index, *memory.elements])
         case Store(index=index, value=value):
             return numbers_of([index, value])
-    return _uses_inside(step)
+    known = {} if known is None else known
+    key = ("uses", id(step))
+    if key not in known:
+        known[key] = (step, _uses_inside(step, known))
+    return known[key][1]
 
 
-def _uses_inside(step: "Loop | BlockSwitch") -> set[int]:
+def _uses_inside(step: "Loop | BlockSwitch", known: Known) -> set[int]:
     match step:
         case BlockSwitch():
             used = set(numbers_of([step.index]))
             for block, results in zip(step.blocks, step.yields, strict=True):
-                used |= _uses_in(block, results)
+                used |= _uses_in(block, results, known)
             return used
         case Loop():
-            used = _uses_in(step.condition, [step.active]) | _uses_in(step.body, step.after)
+            used = _uses_in(step.condition, [step.active], known)
+            used |= _uses_in(step.body, step.after, known)
             used.difference_update(param.number for param in step.params)
             used.difference_update(_defined_in(step.condition))
             return used.union(numbers_of(step.before))
 
 
-def _uses_in(block: Block, results: Iterable[Scalar]) -> set[int]:
+def _uses_in(block: Block, results: Iterable[Scalar], known: Known) -> set[int]:
     used = set(numbers_of(results))
     for step in block.steps:
-        used.update(uses(step))
+        used.update(uses(step, known))
     return used.difference(_defined_in(block))
 
 
@@ -278,21 +290,23 @@ def is_uniform(x: Scalar) -> bool:
     return x.uniform if isinstance(x, Value) else True
 
 
-def memories(step: Step) -> Iterator[Memory]:
-    """Writable memories that a step reads or writes."""
+def memories(step: Step, known: Known | None = None) -> set[Memory]:
+    """Writable memories that a step reads or writes.
+
+    Functions, loops and switches that are `known` are not searched again.
+    """
     match step:
         case Operation():
-            return
+            return set()
         case Load(memory=memory) | Store(memory=memory):
-            if memory.initial is None:
-                yield memory
-        case Call(function=Function(block=block)):
-            yield from _memories_in(block)
+            return {memory} if memory.initial is None else set()
+        case Call(function=function):
+            whole, blocks = function, [function.block]
         case _:
-            for block in blocks_in(step):
-                yield from _memories_in(block)
-
-
-def _memories_in(block: Block) -> Iterator[Memory]:
-    for step in block.steps:
-        yield from memories(step)
+            whole, blocks = step, blocks_in(step)
+    known = {} if known is None else known
+    key = ("memories", id(whole))
+    if key not in known:
+        inside = [memories(one, known) for block in blocks for one in block.steps]
+        known[key] = (whole, set().union(*inside))
+    return known[key][1]

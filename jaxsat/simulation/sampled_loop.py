@@ -118,8 +118,7 @@ class SampledLoop(AbstractLoop):
         begin = begin._replace(memory=self.controller.init(law_input))
         if self.guard is None:
             return begin
-        shares = jax.eval_shape(self._shares, jnp.zeros(()), law_input, begin.memory)[0]
-        return begin._replace(guard=self.guard.init(shares))
+        return begin._replace(guard=self.guard.init(self._idle_shares()))
 
     def told(self, number: IntScalar, state: SampledState) -> Told:
         """The controller's input at sample `number` of the run, from the true `state`."""
@@ -146,11 +145,24 @@ class SampledLoop(AbstractLoop):
 
     def signals(self, number: IntScalar, t: RealScalar, state: SampledState) -> Signals:
         """The signals of the true state at sample `number` of the run, at time `t` (s)."""
-        measurement, shares, plans, memory, _ = self._planned(number, t, state)
-        parts = zip(self.plant.effectors, plans, strict=True)
+        return self._signals_of(t, state, self._planned(number, t, state))
+
+    def idle_signals(self, number: IntScalar, t: RealScalar, state: SampledState) -> Signals:
+        """The `signals` without a step of the law, whose effectors are idle.
+
+        They have the same structure, and are traced in a fraction of the time.
+        """
+        shares = self._idle_shares()
+        plans = self._plans(t, shares.uses, state)
+        idle = _Planned(self.told(number, state), shares, plans, state.memory, state.guard)
+        return self._signals_of(t, state, idle)
+
+    def _signals_of(self, t: RealScalar, state: SampledState, planned: _Planned) -> Signals:
+        """The signals of a sample with these decisions."""
+        parts = zip(self.plant.effectors, planned.plans, strict=True)
         means = [one.finish(plan, one.run(plan, self.controller.period))[1] for one, plan in parts]
-        signals = self._signals(t, state, memory, measurement, tuple(means))
-        return self._with_unmade(signals, shares)
+        signals = self._signals(t, state, planned.memory, planned.told, tuple(means))
+        return self._with_unmade(signals, planned.shares)
 
     def period(
         self,
@@ -196,6 +208,12 @@ class SampledLoop(AbstractLoop):
         """Each effector's share of the command at a sample, and the law's memory."""
         command, memory = self.controller.step(t, estimate, memory)
         return self.distribution(t, estimate, command, self.plant.effectors), memory
+
+    def _idle_shares(self) -> Shares:
+        """Shares of idle effectors, with the structure of those of a command."""
+        effectors = self.plant.effectors
+        left = jnp.zeros(3) if self.distribution.tells_left(effectors) else None
+        return Shares(tuple(one.idle() for one in effectors), left)
 
     def _with_unmade(self, signals: Signals, shares: Shares) -> Signals:
         """The signals with the part of the commanded torque that effectors do not produce."""

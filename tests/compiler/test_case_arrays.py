@@ -34,15 +34,15 @@ def _text(size: int, lanes: int) -> str:
     return module.text(target.host().attributes())
 
 
-@pytest.mark.parametrize("lanes", [1, 2, 8])
-def test_wanted_lanes_get_their_cases_numbers(lanes):
+@pytest.mark.parametrize(("lanes", "first"), [(1, 0), (1, 1), (2, 0), (8, 0)])
+def test_wanted_lanes_get_their_cases_numbers(lanes, first):
     code = in_own_thread(lambda stopped: target.object_code(_text(SIZE, lanes)))
     begin = in_own_thread(lambda stopped: target.loaded(code, {"begin": ENTRY_POINT}))["begin"]
     rng = np.random.default_rng(3)
     arrays = [rng.integers(-99, 99, (CASES, SIZE)).astype(dtype) for dtype in DTYPES]
     cases = AlignedMemory(8 * lanes).bytes.view(np.int64)
     cases[:] = rng.permutation(CASES)[:lanes]
-    wanted = (np.arange(lanes) % 3 != 1).astype(np.uint8)
+    wanted = ((first + np.arange(lanes)) % 3 != 1).astype(np.uint8)
     state = AlignedMemory(len(DTYPES) * SIZE * ALIGNMENT)
     state.bytes[:] = 77
     pointers = addresses(AlignedMemory(0), arrays)

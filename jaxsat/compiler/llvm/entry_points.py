@@ -7,7 +7,7 @@ An entry point is called for one vector of trajectories as
 `pointers` holds the address of the arena (`emitter.Module`) and of every array from outside;
 `state` is memory of this vector alone; `cases` gives the number of every lane's case and `wanted`
 (bytes) tells the lanes for which something is to be written; `a` and `b` are whole numbers for all
-lanes.
+lanes. Nothing is computed for a single lane that is not wanted.
 """
 
 from collections.abc import Container, Mapping, Sequence
@@ -44,6 +44,10 @@ from jaxsat.compiler.llvm.locations import (
 from jaxsat.compiler.lowering import bugs_in
 from jaxsat.compiler.passes.dead_code import DeadCodeElimination, dependencies, reachable
 from jaxsat.compiler.passes.scheduling import merge_cold_branches, move_invariants, schedule
+
+ONCE = ("begin", "finish")
+"""Entry points that run once for each case. LLVM does not optimise them for a single lane, which
+has the same bits and takes it less time than all that these then run longer."""
 
 
 @dataclass
@@ -112,27 +116,32 @@ def emit_entry_point(module: Module, entry: EntryPoint) -> None:
         for step in entry.function.block.steps
         if isinstance(step, ir.Operation) and step.name == "select"
     }
-    masked = [(*_new(result, location, locations, chosen), location) for result, location in moved]
+    masked = [_new(result, location, locations, chosen) for result, location in moved]
     for result, conditions, _ in masked:
         for scalar in (result, *conditions):
             body.operand(scalar)  # read before anything is written
-    for result, conditions, location in masked:
-        body.write(result, conditions, location)
+    body.write(masked)
     for kind, place, slot, count in copies:
         body.copy(kind, place, slot, count)
     body.line("ret void")
     lines = body.text()
     if body.in_arena:
         lines.insert(1, "%arena = load ptr, ptr %pointers")
+    name = entry.function.name
+    quick = " optnone" if module.lanes == 1 and name in ONCE else ""
     head = (
-        f"define void @{entry.function.name}({CONTEXT}, "
-        "ptr noalias %cases, ptr noalias %wanted, i64 %a, i64 %b) noinline #0 {"
+        f"define void @{name}({CONTEXT}, ptr noalias %cases, ptr noalias %wanted, "
+        f"i64 %a, i64 %b) noinline{quick} #0 {{"
     )
-    module.functions[entry.function.name] = "\n".join([head, *lines, "}"])
+    module.functions[name] = "\n".join([head, *lines, "}"])
 
 
 _Copy = tuple[str, PerCase, Slot, int]
 """Numbers of a type in memory, where the first is, where it goes, and how many follow each other"""
+
+
+_Written = tuple[ir.Scalar, list[ir.Scalar], Location]
+"""A result, the conditions under which it is new, and its location"""
 
 
 def _copies(
@@ -162,7 +171,7 @@ def _new(
     location: Location,
     locations: Mapping[int, Location],
     chosen: Mapping[int, ir.Operation],
-) -> tuple[ir.Scalar, list[ir.Scalar]]:
+) -> _Written:
     """What is new of a result where several conditions hold; elsewhere its location is kept."""
     conditions: list[ir.Scalar] = []
     while isinstance(result, ir.Value) and result.number in chosen:
@@ -173,7 +182,7 @@ def _new(
             break
         conditions.append(condition)
         result = yes
-    return result, conditions
+    return result, conditions, location
 
 
 class _EntryPointEmitter(FunctionEmitter):
@@ -186,6 +195,11 @@ class _EntryPointEmitter(FunctionEmitter):
         self.line(f"%number = load {vector_of('i64', lanes)}, ptr %cases, align 64")
         self.line(f"%bytes = load {bytes_}, ptr %wanted, align 1")
         self.line(f"%lane = icmp ne {bytes_} %bytes, zeroinitializer")
+        if lanes == 1:
+            self.line("br i1 %lane, label %whole, label %nothing")
+            self.begin("nothing")
+            self.line("ret void")
+            self.begin("whole")
 
     def read(self, param: ir.Value, location: Location) -> None:
         """Give a parameter its value, now or where it is needed."""
@@ -241,14 +255,39 @@ class _EntryPointEmitter(FunctionEmitter):
             mask = self.once_in_block((mask, condition.number), both)
         return mask
 
-    def write(self, result: ir.Scalar, conditions: Sequence[ir.Scalar], location: Location) -> None:
-        """Put a result where it belongs, for the selected lanes in which conditions hold."""
+    def write(self, results: Sequence[_Written]) -> None:
+        """Put results where they belong, for the selected lanes in which their conditions hold.
+
+        For a single lane there is one jump over all results of the same conditions.
+        """
+        if self.module.lanes > 1:
+            for one in results:
+                self._write(*one)
+            return
+        groups: dict[tuple[int, ...], list[_Written]] = {}
+        for one in results:
+            groups.setdefault(tuple(ir.numbers_of(one[1])), []).append(one)
+        for group in groups.values():
+            number, conditions = self.fresh("")[1:], group[0][1]
+            if conditions:
+                lane = self._lanes(conditions)
+                self.line(f"br i1 {lane}, label %new{number}, label %old{number}")
+                self.begin(f"new{number}")
+            for result, _, location in group:
+                self._write(result, (), location)
+            if conditions:
+                self.line(f"br label %old{number}")
+                self.begin(f"old{number}")
+
+    def _write(
+        self, result: ir.Scalar, conditions: Sequence[ir.Scalar], location: Location
+    ) -> None:
         dtype, lanes = result.dtype, self.module.lanes
         wide = vector_type(dtype, lanes)
         if isinstance(location, Slot):
             where = self.fresh("p")
             self.line(f"{where} = getelementptr i8, ptr %state, i64 {location.offset}")
-            if location.uniform:
+            if location.uniform or lanes == 1:
                 self.put(where, self.operand(result), dtype, False)
                 return
             self._put_some(where, result, f"{vector_of('i1', lanes)} {self._lanes(conditions)}")
@@ -272,7 +311,7 @@ class _EntryPointEmitter(FunctionEmitter):
         dtype, lanes = result.dtype, self.module.lanes
         wide = vector_type(dtype, lanes)
         value = f"{wide} {self.operand(result, True)}"
-        if self.module.masks and lanes > 1 and dtype.itemsize == 8:  # LLVM makes a jump of one lane
+        if self.module.masks and dtype.itemsize == 8:
             name = f"@llvm.masked.store.{suffix(dtype, lanes)}.p0"
             kinds = f"{wide}, ptr, i32, {vector_of('i1', lanes)}"
             self.module.declarations.add(f"declare void {name}({kinds})")

@@ -36,17 +36,18 @@ def move_invariants(block: ir.Block) -> None:
 def _moved_out(loop: ir.Loop) -> list[ir.Step]:
     """Return the expensive invariant operations of a loop, and their invariant operands."""
     blocks = [*_blocks(loop.condition), *_blocks(loop.body)]
-    inside = {out.number for block in blocks for s in block.steps for out in ir.definitions(s)}
-    inside.update(param.number for param in loop.params)
+    changing = {out.number for block in blocks for s in block.steps for out in ir.definitions(s)}
+    changing.update(param.number for param in loop.params)
     alike: dict[int, ir.Operation] = {}  # the invariant ones, in order
     for block in blocks:
         for step in block.steps:
-            if isinstance(step, ir.Operation) and _needs(step) & inside <= alike.keys():
+            if isinstance(step, ir.Operation) and changing.isdisjoint(ir.numbers_of(step.args)):
                 alike[step.out.number] = step
+                changing.discard(step.out.number)
     hoisted: set[int] = set()
     for number, step in reversed(alike.items()):
         if number in hoisted or (step.name in DEAR and not step.out.uniform):
-            hoisted |= {number} | (_needs(step) & alike.keys())
+            hoisted |= {number} | (alike.keys() & ir.numbers_of(step.args))
     for block in blocks:
         block.steps = [s for s in block.steps if not _is_in(s, hoisted)]
     return [step for number, step in alike.items() if number in hoisted]
@@ -63,27 +64,27 @@ def _blocks(block: ir.Block) -> Iterator[ir.Block]:
             yield from _blocks(inside)
 
 
-def _needs(step: ir.Operation) -> set[int]:
-    return set(ir.numbers_of(step.args))
-
-
 def merge_cold_branches(block: ir.Block) -> None:
     """Merge the cold switches of a block, and of inner blocks: one jump in place of many.
 
     At each jump the register allocator spills live values. Cold switches of a block that need no
     results of one another become one, as early as the last of them can be.
     """
+    _merge(block, {})
+
+
+def _merge(block: ir.Block, known: ir.Known) -> None:
     for step in block.steps:
         for inside in ir.blocks_in(step):
-            merge_cold_branches(inside)
+            _merge(inside, known)
     if not any(isinstance(step, ir.BlockSwitch) and step.cold for step in block.steps):
         return
     depths: dict[int, int] = {}  # by value and memory: how many switches one after the other
     plain: dict[int, list[ir.Step]] = defaultdict(list)
     cold: dict[int, list[ir.BlockSwitch]] = defaultdict(list)
     for step in block.steps:
-        touched = [memory.number for memory in ir.memories(step)]
-        depth = max((depths.get(n, 0) for n in chain(ir.uses(step), touched)), default=0)
+        touched = [memory.number for memory in ir.memories(step, known)]
+        depth = max((depths.get(n, 0) for n in chain(ir.uses(step, known), touched)), default=0)
         is_cold = isinstance(step, ir.BlockSwitch) and step.cold
         (cold if is_cold else plain)[depth].append(step)  # pyright: ignore
         after = [out.number for out in ir.definitions(step)]
@@ -116,18 +117,22 @@ _CYCLES = {"div": 13, "sqrt": 20, "add": 4, "sub": 4, "mul": 4, "round": 8}
 
 def schedule(block: ir.Block, results: Iterable[ir.Scalar]) -> None:
     """Schedule the steps of a block and of inner ones; `results` are used after it."""
+    _schedule(block, results, {})
+
+
+def _schedule(block: ir.Block, results: Iterable[ir.Scalar], known: ir.Known) -> None:
     for step in block.steps:
         match step:
             case ir.Loop():
-                schedule(step.condition, [step.active])
-                schedule(step.body, step.after)
+                _schedule(step.condition, [step.active], known)
+                _schedule(step.body, step.after, known)
             case ir.BlockSwitch():
                 for inside, yields in zip(step.blocks, step.yields, strict=True):
-                    schedule(inside, yields)
+                    _schedule(inside, yields, known)
             case _:
                 pass
     outputs = set(ir.numbers_of(results))
-    block.steps = _list_scheduled(_nodes(block.steps, outputs))
+    block.steps = _list_scheduled(_nodes(block.steps, outputs, known))
 
 
 class _Node:
@@ -173,8 +178,8 @@ def _list_scheduled(nodes: list[_Node]) -> list[ir.Step]:
     return order
 
 
-def _nodes(steps: Sequence[ir.Step], outputs: set[int]) -> list[_Node]:
-    reads = [set(ir.uses(step)) for step in steps]
+def _nodes(steps: Sequence[ir.Step], outputs: set[int], known: ir.Known) -> list[_Node]:
+    reads = [set(ir.uses(step, known)) for step in steps]
     counts = Counter(chain(*reads, outputs, outputs))
     nodes: list[_Node] = []
     maker: dict[int, int] = {}
@@ -192,9 +197,9 @@ def _nodes(steps: Sequence[ir.Step], outputs: set[int]) -> list[_Node]:
         number = len(nodes)
         nodes.append(node)
         node.before = {maker[n] for n in node.reads if n in maker}
-        for memory in {memory.number for memory in ir.memories(step)}:
-            node.before.update({touched[memory]} if memory in touched else ())
-            touched[memory] = number
+        for memory in ir.memories(step, known):
+            node.before.update({touched[memory.number]} if memory.number in touched else ())
+            touched[memory.number] = number
         maker.update((out.number, number) for out in ir.definitions(step))
     return nodes
 

@@ -122,8 +122,9 @@ class SampledStepper(AbstractStepper):
         progress = progress._replace(held=HeldTorque.none(progress.state.plant.omega))
         if not program.detailed:
             return progress
-        zero = jnp.array(0)
-        samples = jax.eval_shape(lambda: loop.signals(zero, program.time_of(zero), progress.state))
+        samples = jax.eval_shape(
+            lambda: loop.idle_signals(jnp.array(0), program.time_of(0), progress.state)
+        )
         return progress._replace(seen=jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), samples))
 
     def advance(self, program, case, progress, first, count, axis_name=None):
