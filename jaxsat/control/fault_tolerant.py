@@ -69,11 +69,19 @@ Kinds = list[tuple[AbstractTolerantActuators, TolerantMemory]]
 
 class _Left(NamedTuple):
     """Capability of all `kinds`: whether `three` axes are driven, and the `axis` (unit vector) that
-    magnetorquers hold, zero where other actuators make all torques, None without magnetorquers."""
+    magnetorquers hold, zero where other actuators make all torques.
+
+    `undriven` is the normal of two wheels that nothing drives, or zero: magnetorquers then unload
+    body and wheels. `excess` is the momentum (N m s) of the wheels in use beyond their bias, `rods`
+    the memory of magnetorquers. These four are None without magnetorquers.
+    """
 
     kinds: Kinds
     three: BoolScalar
-    axis: Vector | None
+    axis: Vector | None = None
+    undriven: Vector | None = None
+    excess: Vector | None = None
+    rods: RodMemory | None = None
 
 
 def _missing(kinds: Kinds) -> Vector:
@@ -137,11 +145,11 @@ class FaultTolerant(AbstractSampledController):
         ]
         mix = self._mix(sample, kinds)
         three = mix.spans(memory.mix)
-        left = _Left(kinds, three, self._axis(kinds, three))
+        left = self._left(sample, kinds, three, memory.rods)
         flight = self._magnetic(sample, left, memory.magnetic)
         slowed = sample._replace(law=self._slowed(sample, left))
         torque, healthy = self._feedback(slowed, left, memory.healthy)
-        dipoles, made, rods = self._rods(sample, left, torque, flight, memory.rods)
+        dipoles, made, rods = self._rods(sample, left, torque, flight)
         whole, axis = three, left.axis
         if made is not None and axis is not None:
             torque, whole = torque - made, three | jnp.any(axis != 0)
@@ -181,13 +189,24 @@ class FaultTolerant(AbstractSampledController):
         wheeled = next((one for one in each if one is not None), None)
         return self.magnetic.act(sample, ~others, wheeled, before)
 
-    def _axis(self, kinds: Kinds, three: BoolScalar) -> Vector | None:
-        """Return the axis that magnetorquers alone drive, or zero; None without magnetorquers."""
-        if self.rods is None:
-            return None
-        axis = _missing(kinds)
-        holds = self.rods.holds(self.healthy.model.spacecraft.inertia, axis)
-        return jnp.where(holds & ~three, axis, 0.0)
+    def _left(
+        self, sample: Sample, kinds: Kinds, three: BoolScalar, before: RodMemory | None
+    ) -> _Left:
+        """Return the capability of all kinds."""
+        if self.rods is None or before is None:
+            return _Left(kinds, three)
+        bias, model = self.rods.bias, self.healthy.model
+        normal, field = jnp.where(three, 0.0, _missing(kinds)), self.rods.field(sample)
+        each = [one.unloadable(sample, now, bias, field, jnp.array(True)) for one, now in kinds]
+        excess = sum(each, 0 * bias)
+        coasting = cast(Vector, self._stored(sample.reading)) - bias - excess
+        overloaded = self.rods.overloaded(sample, normal, excess, coasting, before)
+        holds = self.rods.holds(model.spacecraft.inertia, normal) & ~overloaded
+        axis = jnp.where(holds, normal, 0.0)
+        others = [one.alone(now)[0] for one, now in kinds if one.wheeled(now) is None]
+        undriven = jnp.where(jnp.any(jnp.stack([jnp.array(False), *others])), 0.0, normal - axis)
+        rods = before._replace(overloaded=overloaded)
+        return _Left(kinds, three, axis, undriven, excess, rods)
 
     def _feedback(
         self, sample: Sample, left: _Left, before: QuaternionFeedbackMemory
@@ -218,18 +237,20 @@ class FaultTolerant(AbstractSampledController):
         left: _Left,
         torque: Vector,
         flight: MagneticFlight | None,
-        before: RodMemory | None,
     ) -> tuple[list[Float[Array, " k"]], Vector | None, RodMemory | None]:
         """Return the dipoles of magnetorquers (A m²), their torque (N m) and memory, if there are
         any."""
-        axis = left.axis
-        if self.rods is None or before is None or axis is None:
+        axis, undriven, held, before = left.axis, left.undriven, left.excess, left.rods
+        if self.rods is None or before is None or axis is None or undriven is None or held is None:
             return [], None, None
         bias, field, holds = self.rods.bias, self.rods.field(sample), jnp.any(axis != 0)
         each = [one.unloadable(sample, now, bias, field, holds) for one, now in left.kinds]
         excess = jnp.where(left.three | holds, sum(each, 0 * bias), 0.0)
         stored = cast(Vector, self._stored(sample.reading))
-        relief = self.rods.relief(sample, axis, excess, stored - bias - excess)
+        coasting, hurries = stored - bias - held, jnp.any(undriven != 0)
+        whole = self.rods.whole(sample, held)
+        excess = jnp.where(hurries, whole, excess)
+        relief = self.rods.relief(sample, axis, excess, coasting, hurries)
         dipoles = self.rods.beside_wheels(field, relief, torque, axis)
         if flight is not None:
             dipoles = jnp.where(flight.flies, flight.dipoles, dipoles)

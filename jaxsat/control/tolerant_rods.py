@@ -38,21 +38,29 @@ SHALLOW = 0.6
 """Sine of the angle between field and held axis below which torque about it is reduced: its part
 across the axis would fill the wheels, and nothing would unload them."""
 
+OVERLOAD, BEARABLE = 0.75, 0.15
+"""Gyroscopic torque of all momentum, over the root mean square of the torque about a held axis,
+above which magnetorquers unload body and wheels instead, and below which they hold it again."""
+
+HURRY = 0.2
+"""Unloading rate of body and wheels while nothing drives an axis, over the natural frequency."""
+
 SMALLEST = 1e-30
 """Keeps a dimensionless quotient of two zeros finite."""
 
 
 class RodMemory(NamedTuple):
     """Torque (N m) of the last dipoles, `commanded`, and its mean until the next sample, `acting`,
-    in part from earlier dipoles."""
+    in part from earlier dipoles; whether momentum is too large to hold an axis, `overloaded`."""
 
     commanded: Vector
     acting: Vector
+    overloaded: BoolScalar
 
     @staticmethod
     def begin() -> "RodMemory":
         """Return the memory before the first dipole."""
-        return RodMemory(jnp.zeros(3), jnp.zeros(3))
+        return RodMemory(jnp.zeros(3), jnp.zeros(3), jnp.array(False))
 
 
 class TolerantRods(eqx.Module):
@@ -147,18 +155,47 @@ class TolerantRods(eqx.Module):
         )
         return dataclasses.replace(law, max_rate=rate), slow
 
-    def relief(self, sample: Sample, axis: Vector, excess: Vector, coasting: Vector) -> Vector:
-        """Return the torque (N m) that takes an `excess` of momentum (N m s) out of wheels.
+    def whole(self, sample: Sample, excess: Vector) -> Vector:
+        """Return the momentum (N m s) of the body and of the `excess` of wheels."""
+        model = sample.law.model
+        return excess + model.spacecraft.inertia @ model.relative_rate(sample.state)
 
-        Beside a held `axis` it acts as fast as attitude about that axis, and turns the `coasting`
-        momentum (N m s) of idle wheels with the orbit frame.
+    def overloaded(
+        self, sample: Sample, axis: Vector, excess: Vector, coasting: Vector, before: RodMemory
+    ) -> BoolScalar:
+        """Whether momentum is too large for magnetorquers to hold an `axis` n, false for zero.
+
+        The orbit frame turns at ω0: with the momentum E of the body and an `excess` of wheels (N m
+        s) the gyroscopic torque about n is up to ω0 |E|. What opposes it fills the wheels, and
+        leaves nothing to unload them. Once true, it stays until E is small near the target. It is
+        false where idle wheels have more momentum, `coasting`: the body takes that along.
+        """
+        unit = sample.law.model.spacecraft.momentum_unit
+        size = jnp.sum((self.whole(sample, excess) / unit) ** 2)
+        kept = jnp.sum((coasting / unit) ** 2) * sample.law.model.orbit.rate**2
+        most = jnp.sum(axis * (self.power @ axis)) / unit**2
+        part = jnp.where(before.overloaded, BEARABLE, OVERLOAD)
+        over = size * sample.law.model.orbit.rate**2 > part**2 * most
+        far = jnp.sum(sample.state.attitude.as_quaternion().q[1:] ** 2) > (FULL_AT / 2) ** 2
+        little = kept < BEARABLE**2 * most
+        return (over | (before.overloaded & far)) & little & jnp.any(axis != 0)
+
+    def relief(
+        self, sample: Sample, axis: Vector, excess: Vector, coasting: Vector, hurries: BoolScalar
+    ) -> Vector:
+        """Return the torque (N m) that takes an `excess` of momentum (N m s) out.
+
+        Beside a held `axis` it acts as fast as attitude about that axis, and `hurries` where
+        nothing drives an axis. In both cases it turns the `coasting` momentum (N m s) of idle
+        wheels with the orbit frame.
         """
         holds = jnp.any(axis != 0)
         model = sample.law.model
         fast = RELIEF * self.natural_frequency(model.spacecraft.inertia, axis)
-        rate = jnp.maximum(self.steering.unloading, jnp.where(holds, fast, 0.0))
+        fast = jnp.where(hurries, HURRY * sample.law.natural_frequency, jnp.where(holds, fast, 0.0))
+        rate = jnp.maximum(self.steering.unloading, fast)
         turned = jnp.cross(model.orbit.frame_rate(sample.state.attitude), coasting)
-        return jnp.where(holds, turned, 0.0) - rate * excess
+        return jnp.where(holds | hurries, turned, 0.0) - rate * excess
 
     def beside_wheels(
         self,
@@ -188,7 +225,7 @@ class TolerantRods(eqx.Module):
         """Return the torque (N m) of dipoles (A m²) in a field (T), and the next memory."""
         made = self.steering.reach(field).columns @ dipoles
         late = self.delay * before.commanded + (period - self.delay) * made
-        return made, RodMemory(made, late / period)
+        return made, before._replace(commanded=made, acting=late / period)
 
 
 def about(inertia: Matrix, axis: Vector, torque: Vector, slow: Vector) -> Vector:

@@ -49,6 +49,9 @@ TURNING, SLOWLY = 2e-3, 0.5
 """With two wheels, rate that momentum about the undriven axis leaves, over the natural frequency,
 above which no attitude is commanded; and the fraction of it below which one is again."""
 
+RELIEVED = 5.0
+"""Factor of that rate beside magnetorquers, which take the momentum out while the body cones."""
+
 MOST_MOMENTUM = 1.0
 """Momentum as a rate above which rates are damped, over the largest rate of a slew, or over a fifth
 of the natural frequency if that is less. Coning two wheels turn the body no faster."""
@@ -244,7 +247,8 @@ class TolerantWheels(AbstractTolerantActuators):
         torque = self.two_wheels.torque(
             state, wheeled.normal, inertia, law.natural_frequency, law.max_rate, own.held
         )
-        return torque + jnp.cross(state.omega, momentum)
+        besides = 0.0 if sample.reading.unwatched is None else sample.reading.unwatched
+        return torque + jnp.cross(state.omega, momentum) - besides
 
     def _turning(self, sample: Sample, wheeled: Wheeled, before: TolerantMemory) -> WheelLawMemory:
         """Update the attitude at which momentum lets two wheels rest.
@@ -270,6 +274,7 @@ class TolerantWheels(AbstractTolerantActuators):
         inertial = model.orbit.rate == 0
         fits = held.exists & (jnp.sum(excess**2) < most**2) & inertial
         limit = limit * jnp.where(own.can & ~changed, 1.0, SLOWLY)
+        limit = limit * (1.0 if sample.reading.unwatched is None else RELIEVED)
         rests = jnp.abs(normal @ (excess - coasting)) < limit
         attitude = jnp.where(fits, held.attitude.q, jnp.eye(4)[0])
         near = ~fits | (held.angle < NEAR)

@@ -18,7 +18,17 @@ from jaxsat.control.magnetic import MagneticMode
 from jaxsat.control.reconfiguration import Left
 from jaxsat.control.tolerant_actuators import Sample, TolerantMode
 from jaxsat.control.tolerant_magnetic import TolerantMagnetic
-from jaxsat.control.tolerant_rods import FULL_AT, RELIEF, SHALLOW, TolerantRods, about
+from jaxsat.control.tolerant_rods import (
+    BEARABLE,
+    FULL_AT,
+    HURRY,
+    OVERLOAD,
+    RELIEF,
+    SHALLOW,
+    RodMemory,
+    TolerantRods,
+    about,
+)
 from jaxsat.control.wheel_allocation import Wheeled
 from jaxsat.core.attitude import Quaternion
 from jaxsat.scenario import Scenario
@@ -80,6 +90,51 @@ def test_rods_that_are_left_have_the_mean_torque_of_their_projection(cubesat):
     two = np.eye(3)[:, :2]
     assert law.holds_by_rods(two, np.array([True, True, False]))
     assert not law.holds_by_rods(two, np.array([True, False, False]))
+
+
+def test_momentum_beyond_what_magnetorquers_turn_with_the_orbit_frame_is_taken_out_first(cubesat):
+    """Until it is small and the body near the target, also that of a body that turns about n."""
+    rods, model, table = cubesat.rods, cubesat.healthy.model, load("cubesat-3w3m").orbit
+    rate, inertia = float(model.orbit.rate), np.asarray(model.spacecraft.inertia)
+    axis, way = np.array([0.0, 0.6, 0.8]), np.array([0.48, -0.64, 0.6])
+    orbit = (rate, np.deg2rad(51.6), table.ascending_node_rad)
+    most = np.sqrt(axis @ mean_square(0.2, orbit) @ axis) / rate
+
+    def sample(turn, momentum):
+        attitude = Quaternion(jnp.stack([jnp.cos(turn / 2), jnp.sin(turn / 2), 0.0, 0.0]))
+        omega = model.orbit.frame_rate(attitude) + jnp.linalg.solve(inertia, momentum)
+        return Sample(jnp.zeros(()), PlantState(attitude, omega), Reading(omega), cubesat.healthy)
+
+    @eqx.filter_jit
+    def judged(turn, body, axis, excess, coasting, before):
+        memory = RodMemory.begin()._replace(overloaded=before)
+        return rods.overloaded(sample(turn, body), axis, excess, coasting, memory)
+
+    def overloaded(part, turn, before, of_body=0.3, axis=axis, idle=0.0):
+        body = of_body * part * most * way
+        given = (turn, body, axis, part * most * way - body, idle * most * way, before)
+        return bool(judged(*map(jnp.array, given)))
+
+    near, far = 0.98 * FULL_AT, 1.02 * FULL_AT
+    for part, turn, expected in (
+        (0.99 * OVERLOAD, far, (False, True)),
+        (1.01 * OVERLOAD, near, (True, True)),
+        (1.01 * BEARABLE, near, (False, True)),
+        (0.99 * BEARABLE, near, (False, False)),
+        (0.99 * BEARABLE, far, (False, True)),
+    ):
+        assert (overloaded(part, turn, False), overloaded(part, turn, True)) == expected
+    assert overloaded(1.01 * OVERLOAD, near, False, of_body=1.0)
+    assert not overloaded(2.0, far, True, axis=np.zeros(3))
+    assert overloaded(2.0, far, True, idle=0.99 * BEARABLE)
+    assert not overloaded(2.0, far, True, idle=1.01 * BEARABLE)
+    excess, coasting = np.array([1e-3, 2e-3, -1e-3]), np.array([3e-4, 1e-4, -2e-4])
+    relief = rods.relief(
+        sample(0.0, np.zeros(3)), jnp.zeros(3), *map(jnp.array, (excess, coasting, True))
+    )
+    turned = np.cross([0.0, -rate, 0.0], coasting)
+    frequency = float(cubesat.healthy.natural_frequency)
+    np.testing.assert_allclose(relief, turned - HURRY * frequency * excess, rtol=1e-12)
 
 
 def test_wheels_of_one_axis_are_judged_by_their_own_gains():
