@@ -46,6 +46,18 @@ class Value:
 Scalar = Value | np.generic
 
 
+class NamedNumber(np.int32):
+    """A constant with the name that a printer gives it."""
+
+    name: str
+
+    def __new__(cls, number: int, name: str) -> "NamedNumber":
+        """Return the number with a name."""
+        one = super().__new__(cls, number)
+        one.name = name
+        return one
+
+
 class Memory:
     """Array of `size` scalars, element after element, each with all its lanes unless uniform.
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 import enum
-from typing import ClassVar, NamedTuple, cast
+from typing import Annotated, ClassVar, NamedTuple, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -57,7 +57,7 @@ class FaultTolerantMemory(NamedTuple):
     healthy: QuaternionFeedbackMemory
     actuators: tuple[TolerantMemory, ...]
     mix: MixMemory | None
-    mode: IntScalar
+    mode: Annotated[IntScalar, TolerantMode]
     rods: RodMemory | None = None
     band: BandMemory | None = None
     magnetic: TolerantMagneticMemory | None = None

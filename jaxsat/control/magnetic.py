@@ -7,7 +7,7 @@ A magnetorquer makes no torque along the Earth's field. The law commands torques
 import dataclasses
 import enum
 from collections.abc import Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -64,7 +64,7 @@ class MagneticMemory(NamedTuple):
     (N m); the `momentum` (N m s) of body and wheels expected at the next sample, which is valid
     where the law `predicts`: with magnetorquers within their limits; in body axes."""
 
-    mode: IntScalar
+    mode: Annotated[IntScalar, MagneticMode]
     dipole: Vector
     torque: Vector
     momentum: Vector

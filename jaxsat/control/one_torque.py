@@ -7,7 +7,7 @@ sense reduces it; docs/one_torque.md has the derivation.
 
 import enum
 from collections.abc import Mapping
-from typing import Any, ClassVar, NamedTuple, cast
+from typing import Annotated, Any, ClassVar, NamedTuple, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -100,7 +100,7 @@ class OneTorqueMemory(NamedTuple):
     damps: BoolScalar
     spins: BoolScalar
     rests: BoolScalar
-    mode: IntScalar
+    mode: Annotated[IntScalar, OneTorqueMode]
     most: RealScalar
 
 

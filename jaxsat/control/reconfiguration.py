@@ -2,7 +2,7 @@
 
 import enum
 import itertools
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import equinox as eqx
 import jax
@@ -92,7 +92,7 @@ class Ability(NamedTuple):
     """
 
     number: IntScalar
-    left: IntScalar
+    left: Annotated[IntScalar, Left]
     limit: Float[Array, " m"]
 
     @staticmethod

@@ -7,7 +7,7 @@ constant.
 
 import dataclasses
 import enum
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -83,7 +83,7 @@ class Slewing(NamedTuple):
     sample (rad/s).
     """
 
-    leg: IntScalar
+    leg: Annotated[IntScalar, Leg]
     to_go: RealScalar
     along_x: BoolScalar
     end: RealScalar

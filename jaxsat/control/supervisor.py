@@ -2,7 +2,7 @@
 
 import enum
 import math
-from typing import ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -45,7 +45,7 @@ class SettlingMemory(NamedTuple):
     and y to the axes of the slews, None where these stay x and y.
     """
 
-    phase: IntScalar
+    phase: Annotated[IntScalar, Phase]
     signs: Signs
     slewing: Slewing
     fine: FineMemory

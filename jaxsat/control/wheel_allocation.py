@@ -3,7 +3,7 @@
 The weighted least squares of a 3 x 3 system by its adjugate: no factorisation in the loop.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -46,7 +46,7 @@ class Wheeled(NamedTuple):
     """
 
     usable: OfEach
-    left: IntScalar
+    left: Annotated[IntScalar, Left]
     normal: Vector
     shares: Float[Array, "m 3"]
 

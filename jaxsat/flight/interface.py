@@ -125,7 +125,7 @@ def rows(
     table += _limits(program, hold_samples)
     outputs = program.structs["output"].fields
     table += [
-        _row("controller_output", field, _unit(field), _commanded(program, field),
+        _row("controller_output", field, _unit(field), _numbers(field) or "finite",
              "finite", period)
         for field in outputs
     ]  # fmt: skip
@@ -136,7 +136,14 @@ def rows(
             "always", period)
     )  # fmt: skip
     return table + [
-        _row("controller_state", field, _unit(field), "any", "no number is NaN", period)
+        _row(
+            "controller_state",
+            field,
+            _unit(field),
+            _numbers(field) or "any",
+            "no number is NaN",
+            period,
+        )
         for field in program.structs["state"].fields
     ]
 
@@ -167,10 +174,9 @@ def _judged(field: Field) -> tuple[str, str]:
     return "finite", "finite"
 
 
-def _commanded(program: FlightProgram, field: Field) -> str:
-    if field.path == "mode":
-        return ", ".join(f"{number} {name}" for name, number in program.modes.items())
-    return "finite"
+def _numbers(field: Field) -> str:
+    """Return the numbers of an enumeration and their names."""
+    return ", ".join(f"{one.value} {one.name}" for one in field.choices or ())
 
 
 def _limits(program: FlightProgram, hold_samples: int) -> Iterator[Row]:

@@ -1,5 +1,6 @@
 """A flight controller as scalar programs: its stages, and their structures."""
 
+import enum
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -11,8 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.compiler.c.layout import Field, Struct, about, fields_of, parameter_fields
-from jaxsat.compiler.c.naming import Names
+from jaxsat.compiler.c.naming import Names, identifier
 from jaxsat.compiler.ir import Function, Source, Value, uses
+from jaxsat.compiler.passes.enumerations import name_numbers
 from jaxsat.compiler.passes.narrowing import Ports, narrow
 from jaxsat.compiler.scalar_program import ScalarProgram, scalar_program
 from jaxsat.core.fingerprint import fingerprint
@@ -38,6 +40,9 @@ STRUCTURES = {
     "out": "output",
 }
 """Structures by pointer."""
+
+MEANINGS = frozenset(("default", "input", "output", "state", "status"))
+"""Words after CONTROLLER_ in macros of the interface."""
 
 LARGEST = 8192
 """Largest number of elements of a parameter."""
@@ -68,9 +73,10 @@ class FlightProgram:
     the estimator's part of a step; `parameters` are the arrays of the structure, `now` and `begun`
     an input and a state for their shapes. These count samples from the first on; the structures
     have them from any number on, and the state has the first. `order` is the index of the parameter
-    of each array of `FlightController`. Once written, `calls` has the C call of each stage,
-    `functions` the elementary functions by their C names, `origins` the Python functions of C
-    functions, and `wholes` the function that each part belongs to.
+    of each array of `FlightController`, and `macros` has the names of the numbers of enumerations.
+    Once written, `calls` has the C call of each stage, `functions` the elementary functions by
+    their C names, `origins` the Python functions of C functions, and `wholes` the function that
+    each part belongs to.
     """
 
     begin: list[ProgramStage]
@@ -78,6 +84,7 @@ class FlightProgram:
     structs: dict[str, Struct]
     parameters: list[Any]
     modes: dict[str, int]
+    macros: dict[type[enum.IntEnum], dict[int, str]]
     estimates: bool
     single: bool
     hash: str
@@ -157,9 +164,21 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
         "clock": struct("clock", "The number of a sample since the controller began.", clock),
         "seen": struct("seen", about(Seen), law_input),
     }
+    structs["output"] = _with_modes(structs["output"], flight.law.modes)
     stages, starts = _stages(controller, defaults, now, begun, law_input, q, structs)
     structs["parameters"] = _without_unread(structs["parameters"], [*stages, *starts])
-    structs = _narrowed([*starts, *stages], structs, defaults)
+    ports = _ports([*starts, *stages])
+    structs = _narrowed(ports, structs, defaults)
+    macros = _macros(structs, flight.law.modes)
+    name_numbers(
+        ports,
+        {
+            f"{name}.{one.name}": macros[one.choices]
+            for name in ("output", "state")
+            for one in structs[name].fields
+            if one.choices in macros
+        },
+    )
     traces = {stage.name: stage.program.jaxpr for stage in (*starts, *stages)}
     modes = {member.name: int(member) for member in flight.law.modes}
     return FlightProgram(
@@ -168,6 +187,7 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
         structs,
         defaults,
         modes,
+        macros,
         estimates,
         dtype == np.float32,
         _hash(traces, structs),
@@ -242,20 +262,47 @@ def _stages(
     return stages, starts
 
 
-def _narrowed(
-    stages: Sequence[ProgramStage], structs: dict[str, Struct], defaults: Sequence[Any]
-) -> dict[str, Struct]:
-    """Shorten whole numbers of stages to 32 bits, and return the structures with such fields."""
+def _with_modes(output: Struct, modes: type[enum.IntEnum]) -> Struct:
+    """Return the structure of outputs with the enumeration of the mode."""
+    fields = (replace(one, choices=modes) if one.path == "mode" else one for one in output.fields)
+    return replace(output, fields=tuple(fields))
+
+
+def _ports(stages: Sequence[ProgramStage]) -> list[Ports]:
+    """Return the functions of stages, whose parameters and results are fields of structures."""
 
     def key(text: str) -> str | None:
         pointer, _, name = text.partition("[")[0].partition("->")
         return f"{STRUCTURES[pointer]}.{name}" if name else None
 
-    ports = [
+    return [
         Ports(stage.program.function, list(map(key, stage.inputs)), list(map(key, stage.outputs)))
         for stage in stages
         if stage.outputs
     ]
+
+
+def _macros(
+    structs: dict[str, Struct], modes: type[enum.IntEnum]
+) -> dict[type[enum.IntEnum], dict[int, str]]:
+    """Return the names of the numbers of all enumerations of outputs and state in C."""
+    names, macros = Names(fields=True), {}
+    fields = [*structs["output"].fields, *structs["state"].fields]
+    for choices in dict.fromkeys(one.choices for one in fields if one.choices is not None):
+        word = "mode" if choices is modes else identifier(choices.__name__)
+        word = f"{word}_of_law" if word in MEANINGS else word
+        if len(choices) > 1:
+            macros[choices] = {
+                int(one): f"CONTROLLER_{names.new(identifier(word, one.name)).upper()}"
+                for one in choices
+            }
+    return macros
+
+
+def _narrowed(
+    ports: Sequence[Ports], structs: dict[str, Struct], defaults: Sequence[Any]
+) -> dict[str, Struct]:
+    """Shorten whole numbers of stages to 32 bits, and return the structures with such fields."""
     least, most = np.iinfo(np.int32).min, np.iinfo(np.int32).max
     long = [
         f"parameters.{one.name}"

@@ -2,14 +2,14 @@
 
 import inspect
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from jaxsat.compiler.c.contexts import Context
 from jaxsat.compiler.c.expressions import literal
 from jaxsat.compiler.c.functions import Unit
-from jaxsat.compiler.c.naming import Names, comment, identifier
+from jaxsat.compiler.c.naming import comment
 from jaxsat.compiler.c.python_functions import python_function
 from jaxsat.compiler.c.tidying import wrapped
 from jaxsat.compiler.ir import Source, Value
@@ -32,13 +32,6 @@ TYPES_OF_POINTERS = {
 
 def header(program: FlightProgram, intro: Sequence[str]) -> str:
     """Return the text of controller.h."""
-    modes, names = "", Names(fields=True)
-    if len(program.modes) > 1:
-        defines = [
-            f"#define CONTROLLER_{names.new(identifier('mode', name)).upper()} ({number})\n"
-            for name, number in program.modes.items()
-        ]
-        modes = f"/* The numbers of controller_output.mode */\n{''.join(defines)}\n"
     structures = [
         "".join(f"{line}\n" for line in program.structs[name].declaration())
         for name in ("parameters", "input", "state", "output")
@@ -53,13 +46,27 @@ def header(program: FlightProgram, intro: Sequence[str]) -> str:
     coast = "\n".join([*comment(about_coast), *_coast_head(";"), "", ""])
     text = template(
         "controller.h",
-        MODES=modes,
+        MODES="".join(_defines(program)),
         STRUCTURES="\n".join(structures),
         ABOUT_INIT="\n".join(comment(about)),
         ATTITUDE=f"const {real_type(program)} attitude[4], " * program.estimates,
         COAST=coast * program.estimates,
     )
     return "\n".join([*intro, text])
+
+
+def _defines(program: FlightProgram) -> Iterator[str]:
+    """Yield the macros of each enumeration, after the fields that have its numbers."""
+    for choices, names in program.macros.items():
+        places = [
+            f"controller_{name}.{one.name}"
+            for name in ("output", "state")
+            for one in program.structs[name].fields
+            if one.choices is choices
+        ]
+        lines = comment(f"The numbers of {', '.join(places)}")
+        lines += [f"#define {name} ({number})" for number, name in names.items()]
+        yield "\n".join([*lines, "", ""])
 
 
 def _coast_head(end: str) -> list[str]:

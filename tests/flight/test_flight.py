@@ -1,18 +1,61 @@
 """What flies counts samples from its own begin."""
 
+import enum
 import re
 import shutil
 import subprocess
+from typing import Annotated, ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import Array
 
 from jaxsat.flight.flight import Input, Seen, State
+from jaxsat.flight.interface import rows
 from jaxsat.flight.program import flight_program
 from jaxsat.flight.source import header, source
 from jaxsat.flight.vectors import Reference
 from tests.flight.laws import Clocked, Filtered, loop_of, start
+
+
+class Step(enum.IntEnum):
+    """Parts of `Stepping`."""
+
+    FIRST = 0
+    SECOND = 1
+
+
+class Mode(enum.IntEnum):
+    """Modes of `Stepping`."""
+
+    LOW = 4
+    HIGH = 5
+
+
+class SteppingMemory(NamedTuple):
+    """The part, and a number that means nothing else."""
+
+    step: Annotated[Array, Step]
+    number: Array
+
+
+class Stepping(Clocked):
+    """A law of two parts with modes of its own, whose numbers are one apart or not."""
+
+    modes: ClassVar[type[enum.IntEnum]] = Mode
+
+    def init(self, state):
+        return SteppingMemory(jnp.array(Step.FIRST), jnp.array(1))
+
+    def step(self, t, state, memory):
+        fast = state.omega[0] > 0.25
+        step = jnp.where(fast & (memory.step == Step.FIRST), Step.SECOND, memory.step)
+        return state.omega[:2], SteppingMemory(step, jnp.where(fast, 1, memory.number))
+
+    def mode(self, memory):
+        return jnp.where(memory.step == Step.SECOND, Mode.HIGH, Mode.LOW)
+
 
 DRIVER = r"""
 #include "controller.h"
@@ -80,3 +123,24 @@ def test_a_state_that_wraps_beyond_32_bits_keeps_64_beside_a_mode_of_32():
     text = header(flight_program(loop_of(Filtered(gain=[3.0, 2.0])), start()), [])
     assert "int32_t mode;" in text
     assert "int64_t law_samples;" in text  # which it multiplies by 1103515245
+
+
+@pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
+def test_numbers_of_modes_and_of_annotated_states_have_names(single):
+    program = flight_program(loop_of(Stepping()), start(), single=single)
+    defines = re.findall(r"#define (CONTROLLER_\w+) \((\d)\)", header(program, []))
+    assert defines == [
+        ("CONTROLLER_MODE_LOW", "4"), ("CONTROLLER_MODE_HIGH", "5"),
+        ("CONTROLLER_STEP_FIRST", "0"), ("CONTROLLER_STEP_SECOND", "1"),
+    ]  # fmt: skip
+    text = " ".join(source(program, [], libm=False).split())
+    assert "next->law_step = CONTROLLER_STEP_FIRST;" in text
+    first = "(fast && (now->law_step == CONTROLLER_STEP_FIRST))"
+    assert f"law_step = {first} ? CONTROLLER_STEP_SECOND : now->law_step;" in text
+    assert "next->law_number = 1;" in text  # a number alike is no part
+    second = "(next->law_step == CONTROLLER_STEP_SECOND)"
+    assert f"out->mode = {second} ? CONTROLLER_MODE_HIGH : CONTROLLER_MODE_LOW;" in text
+    ranges = {row.path: row.range for row in rows(program, [])}
+    assert ranges["mode"] == "4 LOW, 5 HIGH"
+    assert ranges["law.step"] == "0 FIRST, 1 SECOND"
+    assert ranges["law.number"] == "any"

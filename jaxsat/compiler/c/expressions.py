@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from jaxsat.compiler.c.helpers import TYPES, least, unsigned
-from jaxsat.compiler.ir import NativeBug
+from jaxsat.compiler.ir import NamedNumber, NativeBug
 
 PRIMARY, UNARY, PRODUCT, SUM, RELATION, EQUALITY, BOTH, EITHER, CHOICE = range(9)
 """Precedences of expressions, the tightest first."""
@@ -47,6 +47,8 @@ _LIBRARY = {
 
 def literal(x: Any) -> Expression:
     """Return a constant: the shortest decimal that is read back to the same bits."""
+    if isinstance(x, NamedNumber):
+        return Expression(x.name)
     dtype = x.dtype
     if dtype.kind == "b":
         return Expression("true" if x else "false")
@@ -111,7 +113,8 @@ def operation(
     return expression
 
 
-_PLACE, _NUMBER = re.compile(r"[\w>.\-\[\]]+"), re.compile(r"-?[\d.]+(e[+-]?\d+)?F?|true|false")
+_PLACE = re.compile(r"[\w>.\-\[\]]+")
+_NUMBER = re.compile(r"-?[\d.]+(e[+-]?\d+)?F?|true|false|[A-Z][A-Z0-9_]*")
 
 
 def _chosen(text: str, predicate: str, which: int) -> str:

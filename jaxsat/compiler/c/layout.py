@@ -1,5 +1,6 @@
 """C structures made of trees: a named field for each array, in the words of the Python classes."""
 
+import enum
 import inspect
 import re
 from collections.abc import Sequence
@@ -20,7 +21,8 @@ from jaxsat.compiler.lowering import number_type
 class Field:
     """One array of a tree as a field: `about` is the docstring of its class, the `owner`.
 
-    `number` is the index of the array in the tree.
+    `number` is the index of the array in the tree, `choices` the enumeration of its numbers, if the
+    class declares one: `field: Annotated[type, choices]`.
     """
 
     name: str
@@ -30,6 +32,7 @@ class Field:
     owner: str
     about: str
     number: int = 0
+    choices: type[enum.IntEnum] | None = None
 
     @property
     def declaration(self) -> str:
@@ -95,9 +98,9 @@ def fields_of(tree: PyTree, names: Names) -> tuple[Field, ...]:
         name = names.new(identifier(*words))
         aval = jax.typeof(leaf) if isinstance(leaf, jax.Array) else leaf
         path_text = re.sub(r"\['(\w+)'\]", r".\1", jax.tree_util.keystr(path)).lstrip(".") or name
-        fields.append(
-            Field(name, number_type(aval.dtype), tuple(aval.shape), path_text, owner, about, number)
-        )
+        dtype, shape = number_type(aval.dtype), tuple(aval.shape)
+        choices = _choices(tree, path)
+        fields.append(Field(name, dtype, shape, path_text, owner, about, number, choices))
     return tuple(field for field in fields if field.size)
 
 
@@ -157,6 +160,21 @@ def _owner(tree: PyTree, path: tuple) -> tuple[str, str]:
     if owner in (tuple, list, dict):
         return "", ""
     return owner.__name__, about(owner)
+
+
+def _choices(tree: PyTree, path: tuple) -> type[enum.IntEnum] | None:
+    """Return the enumeration that annotates a leaf, or None."""
+    owner = cast(Any, tree)
+    for key in path[:-1]:
+        name, index = getattr(key, "name", None), getattr(key, "idx", getattr(key, "key", None))
+        owner = getattr(owner, name) if name is not None else owner[index]
+    name = getattr(path[-1], "name", "") if path else ""
+    for one in type(owner).__mro__:
+        hint = inspect.get_annotations(one).get(name)
+        if hint is not None:
+            kinds = [kind for kind in getattr(hint, "__metadata__", ()) if isinstance(kind, type)]
+            return next((kind for kind in kinds if issubclass(kind, enum.IntEnum)), None)
+    return None
 
 
 def about(owner: type) -> str:

@@ -7,7 +7,7 @@ walk's overshoot over a boundary is 0.583 on average, at either end.
 
 import enum
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import equinox as eqx
 import jax
@@ -120,7 +120,7 @@ class DiagnosisMemory(NamedTuple):
     residual: FilterMemory
     doubt: Float[Array, " k"]
     statistic: Float[Array, "tests m"]
-    stage: IntScalar
+    stage: Annotated[IntScalar, Stage]
     age: RealScalar
     evidence: Evidence
     suspect: IntScalar
