@@ -55,8 +55,9 @@ the line drawn in a legend entry."""
 NAME = 12
 """Characters of the name of a strip."""
 
-STRIP_PARTS, SHADES = 300, 256
-"""Number of time intervals of strips, and of shades of a colour bar."""
+LINE_SAMPLES, BAND_SAMPLES, STRIP_PARTS, SHADES = 2400, 4000, 300, 256
+"""Samples of a line, three for each pixel, of a line with a band, time intervals of strips, and
+shades of a colour bar."""
 
 POWER = re.compile(r"\$\\mathdefault\{(-?)(?:(.+)\\times)?10\^\{(-?\d+)\}\}\$")
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -238,7 +239,8 @@ def _paint_line(panel: Axes, line: Line, number: int, log: bool, shade: float) -
     look = dict(FAINT if line.faint else STYLES[number % len(STYLES)])
     band = line.band
     columns = [line.y] if band is None else [line.y, band.low, band.high]
-    samples = kept_samples(np.stack(columns, axis=1))
+    most = LINE_SAMPLES if band is None else BAND_SAMPLES
+    samples = kept_samples(np.stack(columns, axis=1), most)
     x = line.x[samples]
     if band is not None:
         label = escape_mathematics(band.label)

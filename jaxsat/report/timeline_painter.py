@@ -24,14 +24,16 @@ def paint_marks(panel: Axes, timeline: Timeline, *, named: bool) -> None:
 
 
 def paint_shades(panel: Axes, timeline: Timeline) -> None:
-    """Paint bands of grey during the named spans of time."""
+    """Paint bands of grey during the named spans of time, from their first to last samples."""
     greys = np.linspace(0.7, 0.9, max(len(timeline.shades), 1))
     for grey, (name, there) in zip(greys, timeline.shades.items(), strict=False):
+        changes = np.flatnonzero(there[1:] != there[:-1])
+        ends = np.unique(np.concatenate([[0], changes, changes + 1, [len(there) - 1]]))
         panel.fill_between(
-            timeline.times,
+            timeline.times[ends],
             0,
             1,
-            where=list(there),
+            where=list(there[ends]),
             transform=panel.get_xaxis_transform(),
             color=str(grey),
             linewidth=0,
