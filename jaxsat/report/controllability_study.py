@@ -325,9 +325,7 @@ def _figures(
     if np.array_equal(inertia, np.diag(moments)) and physical:
         points, moments = physical_inertias(MAP_STEPS)
         margins = np.asarray(margins_over_inertias(moments, axes))
-        figures["inertia-map"] = inertia_map(
-            points, margins, spacecraft=np.diag(inertia), title="Margin over all bodies"
-        )
+        figures["inertia-map"] = inertia_map(points, margins, spacecraft=np.diag(inertia))
     azimuths, elevations = angle_grid(*MAP_ANGLES)
     others = axes[:, 1:]
     margins = np.asarray(margins_over_angles(inertia, azimuths, elevations, others))

@@ -54,10 +54,6 @@ class EllipticOrbit(AbstractPlace):
         for name in (*angles, "oblateness"):
             require_finite(name, getattr(self, name))
 
-    def greenwich(self) -> RealScalar:
-        """Return the sidereal angle of Greenwich at time zero, rad."""
-        return self.sidereal_angle
-
     def secular_rates(self) -> tuple[RealScalar, RealScalar, RealScalar]:
         """Return the secular rates of node, argument of perigee and mean anomaly, rad/s."""
         axis, inclination = self.semi_major_axis, self.inclination

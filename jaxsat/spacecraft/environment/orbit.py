@@ -56,9 +56,8 @@ class SmallAngleOrbit(AbstractOrbit):
 class AbstractPlace(eqx.Module):
     """Position of a spacecraft along its orbit, and orientation of its reference frame."""
 
-    @abc.abstractmethod
-    def greenwich(self) -> RealScalar:
-        """Return the right ascension of Greenwich at time zero, rad."""
+    sidereal_angle: eqx.AbstractVar[RealScalar]
+    """Right ascension of Greenwich at time zero, rad."""
 
     @abc.abstractmethod
     def axes(self, t: RealScalar) -> Matrix:
@@ -110,10 +109,6 @@ class CircularOrbit(AbstractPlace):
         forward = jnp.stack([-cn * s - sn * c * ci, -sn * s + cn * c * ci, c * si])
         normal = jnp.stack([sn * si, -cn * si, ci])
         return jnp.stack([forward, -normal, -up])
-
-    def greenwich(self) -> RealScalar:
-        """Return the sidereal angle of Greenwich at time zero, rad."""
-        return self.sidereal_angle
 
     def up(self, t: RealScalar) -> Vector:
         """Return minus the third axis of the orbit frame."""
@@ -193,7 +188,7 @@ class DipoleField(AbstractMagneticField):
 
     def over(self, t: RealScalar, turn: RealScalar) -> Vector:
         """Return B in orbit axes, T."""
-        axes, angle = self.orbit.axes(t), self.orbit.greenwich() + turn
+        axes, angle = self.orbit.axes(t), self.orbit.sidereal_angle + turn
         east, north = cos(angle), sin(angle)
         x, y, z = DIPOLE
         m = axes @ jnp.stack([x * east - y * north, x * north + y * east, z + 0 * angle])
