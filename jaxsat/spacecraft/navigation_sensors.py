@@ -25,6 +25,7 @@ from jaxsat.core.checks import (
 from jaxsat.core.errors import ArgumentError
 from jaxsat.spacecraft.environment.orbit import AbstractMagneticField
 from jaxsat.spacecraft.environment.orbital_torques import Sunlight
+from jaxsat.spacecraft.outages import outside_outages, require_outage
 
 
 class SensorContext(NamedTuple):
@@ -40,22 +41,6 @@ def as_three(value: ArrayLike | list | tuple) -> Vector:
     """Return a vector from one number for all axes, or one for each."""
     array = as_float(value)
     return as_float([value] * 3) if array.ndim == 0 else array
-
-
-def require_both(start: object, length: object) -> None:
-    """Raise `ValueError` for an outage with only a start or only a length."""
-    if (start is None) != (length is None):
-        raise ValueError("Arguments `outage_start` and `outage` must be given together.")
-
-
-def outside_outage(
-    sample: IntScalar, period: RealScalar, start: RealScalar | None, length: RealScalar | None
-) -> BoolScalar | None:
-    """Whether a sample is outside an outage of this start and length (s), None for no outage."""
-    if start is None or length is None:
-        return None
-    since = sample * period - start
-    return (since < 0) | (since >= length)
 
 
 class Gyro(eqx.Module):
@@ -74,7 +59,8 @@ class Gyro(eqx.Module):
       rotation (rad, body axes) of the three input axes.
 
     Measurements are invalid for `outage` (s) from `outage_start` (s) on, which must be later than
-    the first sample; None for both is no outage.
+    the first sample, and again `outage_every` (s) later and so on; None for the first two is no
+    outage, None for the last a single one.
 
     Raises `ValueError` for a negative density, walk or deviation, a limit that is not positive, and
     an outage without a start or a length.
@@ -89,11 +75,12 @@ class Gyro(eqx.Module):
     limit: RealScalar = eqx.field(converter=positive("limit"), default=jnp.inf)
     outage_start: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
     outage: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
+    outage_every: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
 
     def __check_init__(self):
         for name in ("bias", "scale_factor", "misalignment"):
             require_finite(name, getattr(self, name))
-        require_both(self.outage_start, self.outage)
+        require_outage(self.outage_start, self.outage, self.outage_every)
         if self.outage_start is not None:
             require_positive("outage_start", self.outage_start)
 
@@ -111,12 +98,13 @@ class Gyro(eqx.Module):
             np.inf if limit is None else limit,
             values["outage_start_s"],
             values["outage_s"],
+            values["outage_every_s"],
         )
 
     def is_valid(self, sample: IntScalar, period: RealScalar) -> BoolScalar | None:
         """Whether the measurement of this sample is valid, None without an outage; samples are
         `period` s apart."""
-        return outside_outage(sample, period, self.outage_start, self.outage)
+        return outside_outages(sample, period, self.outage_start, self.outage, self.outage_every)
 
     def rate_variance(self, period: RealScalar) -> RealScalar:
         """Return the white-noise variance of one sample, (rad/s)², for samples `period` s apart."""
@@ -148,7 +136,8 @@ class StarTracker(eqx.Module):
     It measures at every `every`-th sample of the law, from the first on, and its measurement
     arrives `latency` samples later, or `arrival` (at most `latency`) samples later if that is not
     None. It is blind while |ω| exceeds `rate_limit` (rad/s), and for `outage` (s) from
-    `outage_start` (s) on; None for both is no outage.
+    `outage_start` (s) on, and again `outage_every` (s) later and so on; None for the first two is
+    no outage, None for the last a single one.
 
     The error is a small rotation with the standard deviations `across` (rad) about the two
     directions across the boresight and `along` (rad) about the boresight itself. The rows of
@@ -167,6 +156,7 @@ class StarTracker(eqx.Module):
     arrival: IntScalar | None
     outage_start: RealScalar | None
     outage: RealScalar | None
+    outage_every: RealScalar | None
 
     def __init__(
         self,
@@ -178,13 +168,15 @@ class StarTracker(eqx.Module):
         rate_limit: ArrayLike = np.inf,
         outage_start: ArrayLike | None = None,
         outage: ArrayLike | None = None,
+        outage_every: ArrayLike | None = None,
     ):
         self.across, self.along = as_float(across), as_float(along)
         self.axes = as_array(_frame(np.asarray(boresight, float)))
         self.rate_limit = as_float(rate_limit)
         self.every, self.latency, self.arrival = as_array(np.asarray(every)), latency, None
         self.outage_start, self.outage = as_optional_float(outage_start), as_optional_float(outage)
-        require_both(self.outage_start, self.outage)
+        self.outage_every = as_optional_float(outage_every)
+        require_outage(self.outage_start, self.outage, self.outage_every)
         for name in ("across", "along", "rate_limit"):
             require_positive(name, getattr(self, name))
         require_counts(every=every)
@@ -208,6 +200,7 @@ class StarTracker(eqx.Module):
             np.inf if limit is None else limit,
             values["outage_start_s"],
             values["outage_s"],
+            values["outage_every_s"],
         )
 
     @property
@@ -218,7 +211,7 @@ class StarTracker(eqx.Module):
     def measures(self, sample: IntScalar, period: RealScalar, omega: Vector) -> BoolScalar:
         """Whether the tracker measures at this sample; samples are `period` s apart."""
         has_fix = (sample % self.every == 0) & (jnp.sum(omega**2) <= self.rate_limit**2)
-        works = outside_outage(sample, period, self.outage_start, self.outage)
+        works = outside_outages(sample, period, self.outage_start, self.outage, self.outage_every)
         return has_fix if works is None else has_fix & works
 
     def arriving(self, queue: Queue) -> Queue:

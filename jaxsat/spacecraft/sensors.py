@@ -13,6 +13,7 @@ from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.core.checks import as_optional_float, not_negative, require_positive
 from jaxsat.core.noise import fold_in, name_number, sample_noise
+from jaxsat.spacecraft.outages import outside_outages, require_outage
 from jaxsat.spacecraft.wheels import WheelMomenta
 
 
@@ -101,7 +102,9 @@ class Tachometers(eqx.Module):
     `noise` (N m s) is the standard deviation for each wheel. The noise is a function of `key` (two
     32-bit words, which other sensors may share) and of the sample's number. A wheel's measurement
     is invalid for `outage` (s) from `outage_start` (s) on; an infinite start means never, None for
-    both that no wheel has an outage. Raises `ArgumentError` for negative noise or outages.
+    both that no wheel has an outage. Another outage begins `outage_every` (s) after each begin,
+    None or infinite for a single one. Raises `ArgumentError` for negative noise or outages, and for
+    outages that leave no time between them.
     """
 
     noise: Float[Array, " wheels"] = eqx.field(converter=not_negative("noise"))
@@ -110,19 +113,19 @@ class Tachometers(eqx.Module):
         converter=as_optional_float, default=None
     )
     outage: Float[Array, " wheels"] | None = eqx.field(converter=as_optional_float, default=None)
+    outage_every: Float[Array, " wheels"] | None = eqx.field(
+        converter=as_optional_float, default=None
+    )
 
     def __check_init__(self):
-        if (self.outage_start is None) != (self.outage is None):
-            raise ValueError("Arguments `outage_start` and `outage` must be given together.")
+        require_outage(self.outage_start, self.outage, self.outage_every)
         if self.outage is not None:
             require_positive("outage", self.outage, zero_allowed=True)
 
     def is_valid(self, sample: IntScalar, period: RealScalar) -> BoolScalar | None:
         """Whether all momenta of a sample are valid, None without outages; `period` is in s."""
-        if self.outage_start is None or self.outage is None:
-            return None
-        since = sample * period - self.outage_start
-        return jnp.all((since < 0) | (since >= self.outage))
+        works = outside_outages(sample, period, self.outage_start, self.outage, self.outage_every)
+        return None if works is None else jnp.all(works)
 
     def __call__(self, sample: IntScalar, effectors: PyTree) -> PyTree:
         """Return states of effectors with the measured momenta of wheels, N m s."""

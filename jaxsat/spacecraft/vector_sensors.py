@@ -28,9 +28,8 @@ from jaxsat.spacecraft.environment.orbital_torques import Sunlight
 from jaxsat.spacecraft.navigation_sensors import (
     SensorContext,
     as_three,
-    outside_outage,
-    require_both,
 )
+from jaxsat.spacecraft.outages import outside_outages, require_outage
 
 
 class Observation(NamedTuple):
@@ -79,7 +78,8 @@ class VectorSensor(eqx.Module):
     It measures at every `every`-th sample of a sampled law, from the first on, with a latency of
     `latency` samples. It is blind where a unit vector is more than `half_angle` (rad) from the
     `boresight`, None for an unlimited field of view, and for `outage` (s) from `outage_start` (s)
-    on, None for both is no outage. `name` selects its noise stream.
+    on, None for both is no outage, and again `outage_every` (s) later and so on, None for a single
+    outage. `name` selects its noise stream.
 
     Raises `ValueError` for noise that is not positive, numbers that are not finite, a boresight
     without a direction, counts that are not positive, and an outage without a start or a length.
@@ -97,12 +97,13 @@ class VectorSensor(eqx.Module):
     latency: int = eqx.field(static=True, default=0)
     outage_start: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
     outage: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
+    outage_every: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
 
     def __check_init__(self):
         for name in ("bias", "scale_factor", "misalignment"):
             require_finite(name, getattr(self, name))
         require_directions("boresight", self.boresight[:, None])
-        require_both(self.outage_start, self.outage)
+        require_outage(self.outage_start, self.outage, self.outage_every)
         every = concrete(self.every)
         require_counts(every=None if every is None else int(every))
         if self.latency < 0:
@@ -126,7 +127,7 @@ class VectorSensor(eqx.Module):
         if self.half_angle is not None:
             middle = self.boresight / jnp.sqrt(jnp.sum(self.boresight**2))
             seen = seen & (middle @ vector >= cos(self.half_angle))
-        works = outside_outage(sample, period, self.outage_start, self.outage)
+        works = outside_outages(sample, period, self.outage_start, self.outage, self.outage_every)
         return Observation(measured, reference, seen if works is None else seen & works)
 
 
@@ -162,4 +163,5 @@ def _common(values: Mapping[str, Any], context: SensorContext) -> dict[str, Any]
         "latency": round(values["latency_s"] / context.period),
         "outage_start": values["outage_start_s"],
         "outage": values["outage_s"],
+        "outage_every": values["outage_every_s"],
     }

@@ -72,6 +72,16 @@ SUN_SENSOR = "[sun_sensor]\nnoise_deg = 0.1\nboresight = [1, 0, 0]\nhalf_angle_d
             "must be at most 1000 times control.period_s, got 200",
         ),
         (
+            BOTH + "outage_start_s = 3\noutage_s = 2.5\noutage_every_s = 2.5",
+            "star_tracker.outage_every_s",
+            "must be above outage_s = 2.5, got 2.5",
+        ),
+        (
+            BOTH + "outage_every_s = 2.5",
+            "star_tracker.outage_every_s",
+            "must be left out without outage_s, got 2.5",
+        ),
+        (
             GYRO + "outage_start_s = 3\n" + TRACKER,
             "gyro.outage_s",
             "must be given with outage_start_s, got nothing",

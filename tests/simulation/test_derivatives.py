@@ -93,6 +93,7 @@ GYRO = {
     "limit_rad_s": 0.5,
     "outage_start_s": 0.05,
     "outage_s": 0.1,
+    "outage_every_s": None,
 }
 TRACKER = {
     "across_rad": 1e-5,
@@ -103,10 +104,12 @@ TRACKER = {
     "rate_limit_rad_s": 0.5,
     "outage_start_s": 5.0,
     "outage_s": 2.0,
+    "outage_every_s": None,
 }
 
 
 TIMES = {"update_period_s": 0.1, "latency_s": 0.1, "outage_start_s": 5.0, "outage_s": 2.0}
+TIMES |= {"outage_every_s": 10.0}
 TURN = {"misalignment_rad": [1e-3, 2e-3, -1e-3]}
 MAGNETOMETER = {"noise_T": 1e-7, "bias_T": 1e-8, "scale_factor": 1e-3, **TURN, **TIMES}
 SUN_SENSOR = {

@@ -59,6 +59,13 @@ def test_an_outage_of_a_tachometer_has_begin_and_length_and_needs_a_sampled_law(
     without_end = [with_outage[0].replace(",tachometer_outage_s=2", ""), CHANGES[1]]
     with pytest.raises(ScenarioError, match=r"tachometer_outage_s.*must be given with"):
         load("wheels-fail", without_end)
+    assert loop.tachometers.outage_every is None
+    again = [with_outage[0].replace("age_s=2", "age_s=2,tachometer_outage_every_s=5"), CHANGES[1]]
+    every = build(load("wheels-fail", again)).loop.tachometers.outage_every
+    assert sorted(np.asarray(every)) == [5.0, np.inf, np.inf]
+    short = [again[0].replace("every_s=5", "every_s=2"), CHANGES[1]]
+    with pytest.raises(ScenarioError, match=r"tachometer_outage_every_s.*above tach.* got 2"):
+        load("wheels-fail", short)
     with pytest.raises(ScenarioError, match=r"tachometer_outage_start_s.*not sampled"):
         load("two-wheel-telescope", with_outage[:1])
     late = [with_outage[0].replace("start_s=5", "start_s=1e5"), CHANGES[1]]

@@ -17,16 +17,19 @@ from studies.copies import copies_of, sampled
 from studies.studies import tumbling
 
 SENSORS = [
-    "gyro={bias_sigma_rad_s=1e-5, outage_start_s=5, outage_s=9}",
-    "star_tracker={across_rad=1e-5, along_rad=1e-4, latency_s=0.2, outage_start_s=5, outage_s=9}",
-    "magnetometer={noise_T=1e-7, outage_start_s=5, outage_s=9}",
-    "sun_sensor={noise_rad=1e-3, outage_start_s=5, outage_s=9}",
-    "horizon_sensor={noise_rad=1e-3, outage_start_s=5, outage_s=9}",
+    "gyro={bias_sigma_rad_s=1e-5, outage_start_s=5, outage_s=9, outage_every_s=20}",
+    "star_tracker={across_rad=1e-5, along_rad=1e-4, latency_s=0.2, outage_start_s=5, outage_s=9,"
+    "outage_every_s=20}",
+    "magnetometer={noise_T=1e-7, outage_start_s=5, outage_s=9, outage_every_s=20}",
+    "sun_sensor={noise_rad=1e-3, outage_start_s=5, outage_s=9, outage_every_s=20}",
+    "horizon_sensor={noise_rad=1e-3, outage_start_s=5, outage_s=9, outage_every_s=20}",
 ]
 
 NOMINAL = {"rate_noise": 1e-5, "attitude_noise": 1e-5, "delay": 0.05, "tilt": 0.7}
 NOMINAL |= {"tracker_across": 1e-5, "tracker_along": 1e-5}
 NOMINAL |= {"magnetometer_noise": 1e-7, "sun_sensor_noise": 1e-3, "horizon_sensor_noise": 1e-3}
+NOMINAL |= {f"{sensor}_outage_every": 20.0 for sensor in ("gyro", "tracker", "magnetometer")}
+NOMINAL |= {f"{sensor}_outage_every": 20.0 for sensor in ("sun_sensor", "horizon_sensor")}
 NOMINAL |= {"gyro_outage_start": 5.0, "tracker_update_period": 0.1, "tracker_rate_limit": 1.0}
 """Numbers that may be drawn; zero for all others."""
 
@@ -72,6 +75,7 @@ BEYOND = {
     "gyro_misalignment": (-1.1, 1.1),
     "gyro_outage_start": (0.0, 2e8),
     "gyro_outage": (-1.0, 2e8),
+    "gyro_outage_every": (0.0, 2e8),
     "tracker_across": (0.0, 2.0),
     "tracker_along": (0.0, 2.0),
     "tracker_update_period": (0.01, 2e8),
@@ -79,20 +83,24 @@ BEYOND = {
     "tracker_rate_limit": (0.0, 2e6),
     "tracker_outage_start": (-1.0, 2e8),
     "tracker_outage": (-1.0, 2e8),
+    "tracker_outage_every": (0.0, 2e8),
     "magnetometer_noise": (0.0, 2e-3),
     "magnetometer_bias": (-2e-3, 2e-3),
     "magnetometer_scale_factor": (-0.6, 0.6),
     "magnetometer_misalignment": (-1.1, 1.1),
     "magnetometer_outage_start": (-1.0, 2e8),
     "magnetometer_outage": (-1.0, 2e8),
+    "magnetometer_outage_every": (0.0, 2e8),
     "sun_sensor_noise": (0.0, 2.0),
     "sun_sensor_misalignment": (-1.1, 1.1),
     "sun_sensor_outage_start": (-1.0, 2e8),
     "sun_sensor_outage": (-1.0, 2e8),
+    "sun_sensor_outage_every": (0.0, 2e8),
     "horizon_sensor_noise": (0.0, 2.0),
     "horizon_sensor_misalignment": (-1.1, 1.1),
     "horizon_sensor_outage_start": (-1.0, 2e8),
     "horizon_sensor_outage": (-1.0, 2e8),
+    "horizon_sensor_outage_every": (0.0, 2e8),
 }
 """For every quantity a number too low and one too high, in the scenarios of `scenario`."""
 

@@ -79,23 +79,32 @@ def measurement_times(remark: str = "", drawn: str | None = None) -> tuple[Key, 
     )
 
 
-def outage(sensor: str, drawn: str, start: Range = FROM_ZERO) -> tuple[Key, Key]:
-    """Declare start and length of an outage; `drawn` prefixes their names in studies."""
+def outage(
+    sensor: str,
+    drawn: str | None = None,
+    start: Range = FROM_ZERO,
+    *,
+    prefix: str = "",
+    effect: str = "nothing is measured",
+) -> tuple[Key, Key, Key]:
+    """Declare start and length of an outage of a `sensor`, and the time from one to the next.
+
+    `drawn` prefixes their names in studies, and `prefix` the keys; `effect` is that of an outage.
+    """
+
+    def key(end: str, meaning: str, within: Range) -> Key:
+        name = drawn and f"{drawn}_outage{end}"
+        return number(
+            f"{prefix}outage{end}_s", meaning, "s", within=within, default=None, drawn=name
+        )
+
     return (
-        number(
-            "outage_start_s",
-            "Time at which an outage begins, in which nothing is measured; by default none",
-            "s",
-            within=start,
-            default=None,
-            drawn=f"{drawn}_outage_start",
-        ),
-        number(
-            "outage_s",
-            f"Length of the outage of the {sensor}",
-            "s",
-            within=FROM_ZERO,
-            default=None,
-            drawn=f"{drawn}_outage",
+        key("_start", f"Time at which an outage begins, in which {effect}; by default none", start),
+        key("", f"Length of the outage of the {sensor}", FROM_ZERO),
+        key(
+            "_every",
+            "Time from the begin of an outage to that of the next one, above its length; by "
+            "default there is only one",
+            SECONDS,
         ),
     )

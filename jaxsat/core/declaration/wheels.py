@@ -3,9 +3,9 @@
 from jaxsat.core.declaration.actuator import ActuatorDeclaration, Signal
 from jaxsat.core.declaration.failures import FRACTION, AbstractFailureKind
 from jaxsat.core.declaration.keys import DispersibleQuantity, direction, number
+from jaxsat.core.declaration.sensor import outage
 from jaxsat.core.ranges import (
     FRICTION,
-    FROM_ZERO,
     MOMENT,
     SECONDS,
     TORQUE,
@@ -97,20 +97,11 @@ WHEEL = ActuatorDeclaration(
             within=WHEEL_NOISE,
             default=0.0,
         ),
-        number(
-            "tachometer_outage_start_s",
-            "Time at which an outage of its tachometer begins, in which the momentum that a "
-            "sampled law receives is invalid; by default none",
-            "s",
-            within=SECONDS,
-            default=None,
-        ),
-        number(
-            "tachometer_outage_s",
-            "Length of the outage of its tachometer",
-            "s",
-            within=FROM_ZERO,
-            default=None,
+        *outage(
+            "tachometer",
+            start=SECONDS,
+            prefix="tachometer_",
+            effect="the momentum that a sampled law receives is invalid",
         ),
     ),
     failed="Whether its motor has failed before the start, and the law knows it; it coasts",

@@ -42,14 +42,15 @@ def build_sampling(scenario: Scenario) -> tuple[Sensors | None, RealScalar | Non
 def build_tachometers(scenario: Scenario) -> Tachometers | None:
     """Return the tachometers of a sampled law; None if all are exact and without an outage."""
     noise, key = tachometer_noise(scenario), key_of_seed(scenario.simulation.seed)
-    outages = [
-        (one.tachometer_outage_start_s, one.tachometer_outage_s)
-        if one.tachometer_outage_start_s is not None
-        else (np.inf, 0.0)
-        for one in scenario.wheel
-    ]
     if has_invalid_momenta(scenario):
-        return Tachometers(noise, key, *np.transpose(outages))
+        names = (f"tachometer_outage{end}_s" for end in ("_start", "", "_every"))
+        given = [[getattr(one, name) for one in scenario.wheel] for name in names]
+        start, length, every = (
+            [other if x is None else x for x in numbers]
+            for numbers, other in zip(given, (np.inf, 0.0, np.inf), strict=True)
+        )
+        is_single = np.isinf(every).all()
+        return Tachometers(noise, key, start, length, None if is_single else every)
     return Tachometers(noise, key) if noise.any() else None
 
 

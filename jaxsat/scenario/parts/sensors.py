@@ -26,6 +26,7 @@ from jaxsat.core.earth import EARTH_GRAVITY
 from jaxsat.core.ranges import TRACKER_NOISE
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.named import PartTable, by_its_kind
+from jaxsat.scenario.parts.outages import outage_mistakes
 from jaxsat.scenario.plugins import ESTIMATOR, PluginKind
 from jaxsat.scenario.quantities import (
     ScenarioTable,
@@ -187,17 +188,17 @@ def _whole_periods(key, value, period, most):
 
 
 @rule_over()
-def _an_outage_has_begin_and_length(values):
+def _outages_are_complete(values):
     for one in SENSORS:
-        names = ("outage_start_s", "outage_s")
-        keys = [f"{one.name}.{name}" for name in names]
-        if all(key in values for key in keys):
-            lacking = [values[key] is None for key in keys]
-            if any(lacking) and not all(lacking):
-                other = names[lacking.index(False)]
-                yield at(
-                    keys[lacking.index(True)], f"must be given with {other}, got nothing", True
-                )
+        begin = f"{one.name}."
+        table = {
+            key.removeprefix(begin): values[key]
+            for key in (f"{begin}outage{end}_s" for end in ("_start", "", "_every"))
+            if key in values
+        }
+        if len(table) == 3:
+            for name, message, absent in outage_mistakes(table):
+                yield at(begin + name, message, absent)
 
 
 @rule_over()

@@ -11,6 +11,7 @@ from jaxsat.core.declaration.wheels import WHEEL
 from jaxsat.core.ranges import Range
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.actuator import number_of, table_of_device
+from jaxsat.scenario.parts.outages import outage_mistakes
 from jaxsat.scenario.parts.torque_makers import (
     MISSING,
     Tables,
@@ -193,14 +194,13 @@ def _tachometers_belong_to_a_sampled_law(wheels, law):
 
 
 @rule("wheel")
-def _an_outage_of_a_tachometer_has_begin_and_length(wheels):
-    names = ("tachometer_outage_start_s", "tachometer_outage_s")
+def _outages_of_tachometers_are_complete(wheels):
+    prefix = "tachometer_"
     for number, one in enumerate(wheels):
-        lacking = [name for name in names if getattr(one, name) is None]
-        if len(lacking) == 1:
-            (other,) = set(names) - set(lacking)
-            message = f"must be given with {other}, got nothing"
-            yield Issue(("wheel", number, lacking[0]), message, (), True)
+        names = (f"{prefix}outage{end}_s" for end in ("_start", "", "_every"))
+        values = {name: getattr(one, name) for name in names}
+        for name, message, absent in outage_mistakes(values, prefix):
+            yield Issue(("wheel", number, name), message, (), absent)
 
 
 @rule_over("wheel", "control.law", *STEPS)

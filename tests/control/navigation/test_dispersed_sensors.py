@@ -19,11 +19,13 @@ from studies.copies import copies_of
 
 SENSORS = [
     "gyro={noise_density_rad_s_sqrt_Hz=1e-5, bias_walk_rad_s2_sqrt_Hz=1e-8, outage_start_s=5,"
-    "outage_s=1}",
-    "star_tracker={across_rad=1e-5, along_rad=1e-4, latency_s=0.3, outage_start_s=4, outage_s=2}",
-    "magnetometer={noise_T=1e-6, update_period_s=0.2, outage_start_s=3, outage_s=1}",
-    "sun_sensor={noise_rad=1e-3, latency_s=0.1, outage_start_s=2, outage_s=1}",
-    "horizon_sensor={noise_rad=1e-3, outage_start_s=2, outage_s=1}",
+    "outage_s=1, outage_every_s=3}",
+    "star_tracker={across_rad=1e-5, along_rad=1e-4, latency_s=0.3, outage_start_s=4, outage_s=2,"
+    "outage_every_s=5}",
+    "magnetometer={noise_T=1e-6, update_period_s=0.2, outage_start_s=3, outage_s=1,"
+    "outage_every_s=3}",
+    "sun_sensor={noise_rad=1e-3, latency_s=0.1, outage_start_s=2, outage_s=1, outage_every_s=3}",
+    "horizon_sensor={noise_rad=1e-3, outage_start_s=2, outage_s=1, outage_every_s=3}",
 ]
 PERIOD = 0.1
 REACHES = {
@@ -34,6 +36,7 @@ REACHES = {
     "gyro_misalignment": lambda one: one.gyro.misalignment,
     "gyro_outage_start": lambda one: one.gyro.outage_start[:, None],
     "gyro_outage": lambda one: one.gyro.outage[:, None],
+    "gyro_outage_every": lambda one: one.gyro.outage_every[:, None],
     "tracker_across": lambda one: one.tracker.across[:, None],
     "tracker_along": lambda one: one.tracker.along[:, None],
     "tracker_update_period": lambda one: one.tracker.every[:, None] * PERIOD,
@@ -41,20 +44,24 @@ REACHES = {
     "tracker_rate_limit": lambda one: one.tracker.rate_limit[:, None],
     "tracker_outage_start": lambda one: one.tracker.outage_start[:, None],
     "tracker_outage": lambda one: one.tracker.outage[:, None],
+    "tracker_outage_every": lambda one: one.tracker.outage_every[:, None],
     "magnetometer_noise": lambda one: one.magnetometer.noise[:, None],
     "magnetometer_bias": lambda one: one.magnetometer.bias,
     "magnetometer_scale_factor": lambda one: one.magnetometer.scale_factor,
     "magnetometer_misalignment": lambda one: one.magnetometer.misalignment,
     "magnetometer_outage_start": lambda one: one.magnetometer.outage_start[:, None],
     "magnetometer_outage": lambda one: one.magnetometer.outage[:, None],
+    "magnetometer_outage_every": lambda one: one.magnetometer.outage_every[:, None],
     "sun_sensor_noise": lambda one: one.sun_sensor.noise[:, None],
     "sun_sensor_misalignment": lambda one: one.sun_sensor.misalignment,
     "sun_sensor_outage_start": lambda one: one.sun_sensor.outage_start[:, None],
     "sun_sensor_outage": lambda one: one.sun_sensor.outage[:, None],
+    "sun_sensor_outage_every": lambda one: one.sun_sensor.outage_every[:, None],
     "horizon_sensor_noise": lambda one: one.horizon_sensor.noise[:, None],
     "horizon_sensor_misalignment": lambda one: one.horizon_sensor.misalignment,
     "horizon_sensor_outage_start": lambda one: one.horizon_sensor.outage_start[:, None],
     "horizon_sensor_outage": lambda one: one.horizon_sensor.outage[:, None],
+    "horizon_sensor_outage_every": lambda one: one.horizon_sensor.outage_every[:, None],
 }
 
 
@@ -121,7 +128,8 @@ def test_an_outage_is_from_its_start_to_its_end():
 def test_engines_agree_on_dispersed_sensors():
     ranges = {"gyro_bias_rad_s": (-1e-3, 1e-3), "tracker_update_period_s": (0.1, 1.0),
               "tracker_latency_s": (0.0, 0.3), "tracker_outage_start_s": (1.0, 5.0),
-              "gyro_outage_start_s": (0.5, 4.0), "magnetometer_bias_T": (-1e-6, 1e-6),
+              "gyro_outage_start_s": (0.5, 4.0), "gyro_outage_every_s": (1.5, 3.0),
+              "magnetometer_bias_T": (-1e-6, 1e-6),
               "sun_sensor_noise_rad": (1e-4, 1e-2), "sun_sensor_outage_s": (0.1, 1.0)}  # fmt: skip
     tables = [
         f"dispersion.{key}={{distribution='uniform', low={low}, high={high}}}"

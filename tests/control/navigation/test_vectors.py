@@ -123,6 +123,10 @@ def test_a_sun_sensor_sees_the_sun_in_its_field_of_view_by_day_and_when_it_works
     assert [seen(sun_sensor(every=3), number) for number in range(4)] == [True, False, False, True]
     outage = sun_sensor(outage_start=1.0, outage=0.5)
     assert [seen(outage, number) for number in (9, 10, 14, 15)] == [True, False, False, True]
+    again = sun_sensor(outage_start=1.0, outage=0.5, outage_every=2.05)
+    assert [seen(again, number) for number in (9, 12, 18, 30, 33, 36, 54)] == [
+        True, False, True, True, False, True, False
+    ]  # fmt: skip
     radius, earth_radius = float(ORBIT.radius), 6.378137e6
     numbers = np.arange(0, 63000, 2000)
     for number in numbers:
