@@ -6,6 +6,7 @@ angle of the Earth: Wisniewski, Satellite Attitude Control Using Only Electromag
 thesis, Aalborg, 1996; Psiaki, J. Guidance, Control, and Dynamics 24(2), 2001.
 """
 
+import pickle
 from collections.abc import Iterable, Iterator
 from math import factorial
 from typing import NamedTuple
@@ -17,6 +18,7 @@ from jaxtyping import Array, Complex, Float
 
 from jaxsat.core.array_types import IntScalar, RealScalar, Vector
 from jaxsat.core.checks import as_float
+from jaxsat.core.once import latest
 from jaxsat.spacecraft.environment.orbit import (
     EARTH_ROTATION,
     AbstractMagneticField,
@@ -227,6 +229,14 @@ def periodic_gain(
     unloading removes it. The state of A, S and Q includes the constant torque d, which has no
     weight. None where S of all other states does not become periodic.
     """
+    gains = _gains(pickle.dumps((motion, weight, wheel_weight)))
+    return None if gains is None else PeriodicGain(gains, motion.basis, motion.rate)
+
+
+@latest(32)
+def _gains(design: bytes) -> Float[np.ndarray, "turns phases u z"] | None:
+    """`periodic_gain` of its pickled arguments: scenarios with other changes share their gains."""
+    motion, weight, wheel_weight = pickle.loads(design)
     by_rods = motion.inverse @ motion.unmade / (weight / motion.stiffness**2)
     costs = np.repeat([1.0, motion.stiffness**-2, 0.0], [3, 3, motion.basis.shape[1]])
     wheels = motion.wheels / wheel_weight
@@ -237,8 +247,7 @@ def periodic_gain(
     if riccati is None:
         return None
     gains = [by_rods.T @ riccati[..., 3:6, :], wheels.T @ riccati]
-    gains = np.concatenate(gains, axis=-2) * _units(motion)
-    return PeriodicGain(gains, motion.basis, motion.rate)
+    return np.concatenate(gains, axis=-2) * _units(motion)
 
 
 def _hamiltonian(

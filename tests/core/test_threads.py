@@ -4,6 +4,7 @@ Machine code is in `compiler/test_cold_threads.py`.
 """
 
 import itertools
+import pickle
 import threading
 import warnings
 from dataclasses import replace
@@ -17,6 +18,7 @@ from helpers.threads import at_once, made_once
 from jaxsat.compiler import functions
 from jaxsat.compiler.c import naming
 from jaxsat.compiler.llvm.threads import _shared
+from jaxsat.control import periodic_gain
 from jaxsat.control.planning import guesses
 from jaxsat.controllability import lie
 from jaxsat.controllability.cone import torque_cone
@@ -30,6 +32,7 @@ from jaxsat.scenario import control, plugins, wording
 from jaxsat.scenario.optimisers import OptimiserSettings
 from jaxsat.scenario.parts import named
 from jaxsat.simulation.engine.native import kept
+from jaxsat.spacecraft.environment.orbit import CircularOrbit, DipoleField
 from jaxsat.store.provenance import _processor, _versions
 from jaxsat.studies import designs, run, statistics
 from jaxsat.synthesis.comparison.acceptance import ComparisonSetting, comparison_scenario
@@ -48,6 +51,12 @@ def new_part():
     return plugins.Part(f"cold-{next(NEW)}", plugins.ACTUATORS, declaration, "no:Place")
 
 
+def design_of_rods():
+    field = DipoleField(CircularOrbit(1.1e-3, 1.2, 0.4, 0.7, 2.0))
+    body = (np.diag([0.13, 0.11, 0.05]), field, np.eye(3), np.zeros(3))
+    return pickle.dumps((periodic_gain.linear_motion(*body, gravity_gradient=True), 0.3, 1.0))
+
+
 FUNCTIONS = [
     (control.table_of, lambda: (new_law(),)),
     (named.table_of_part, lambda: (named.ActuatorsTable, new_part())),
@@ -56,6 +65,7 @@ FUNCTIONS = [
     (designs._hypercube, lambda: (0, "a", 10, 2)),
     (statistics._order_statistics, lambda: (100, 95.0)),
     (guesses.random_numbers, lambda: (4,)),
+    (periodic_gain._gains, lambda: (design_of_rods(),)),
     (descent._transformation, lambda: (OptimiserSettings(), 10)),
     (lie._monomials, lambda: (2,)),
     (naming._statements, lambda: (__file__,)),
