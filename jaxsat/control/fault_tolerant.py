@@ -180,14 +180,15 @@ class FaultTolerant(AbstractSampledController):
         self, sample: Sample, left: _Left, before: TolerantMagneticMemory | None
     ) -> MagneticFlight | None:
         """Return the flight of the law `magnetic`, active where nothing else settles, or None."""
-        if self.magnetic is None or before is None or left.axis is None:
+        axis, undriven = left.axis, left.undriven
+        if self.magnetic is None or before is None or axis is None or undriven is None:
             return None
-        others = left.three | jnp.any(left.axis != 0)
+        settled, flows = left.three | jnp.any(axis + undriven != 0), jnp.array(False)
         for one, now in left.kinds:
-            others = others | one.alone(now)[0] | one.flows(now)
+            settled, flows = settled | one.alone(now)[0], flows | one.flows(now)
         each = (one.wheeled(now) for one, now in left.kinds)
         wheeled = next((one for one in each if one is not None), None)
-        return self.magnetic.act(sample, ~others, wheeled, before)
+        return self.magnetic.act(sample, ~settled, flows, wheeled, before)
 
     def _left(
         self, sample: Sample, kinds: Kinds, three: BoolScalar, before: RodMemory | None
@@ -253,7 +254,7 @@ class FaultTolerant(AbstractSampledController):
         relief = self.rods.relief(sample, axis, excess, coasting, hurries)
         dipoles = self.rods.beside_wheels(field, relief, torque, axis)
         if flight is not None:
-            dipoles = jnp.where(flight.flies, flight.dipoles, dipoles)
+            dipoles = jnp.where(flight.acts, flight.dipoles, dipoles)
         made, after = self.rods.act(field, dipoles, self.period, before)
         return [dipoles], made, after
 

@@ -138,14 +138,12 @@ class MagneticLaw(AbstractSampledController):
 
     def holds_with(self, rods: Bool[np.ndarray, " rods"]) -> bool:
         """Return whether small errors fall over a day if it commands all rods, and these work."""
-        shares = np.asarray(self.steering.shares) * rods[:, None]
-        working = MagneticContext(
-            dataclasses.replace(self.steering, shares=shares),
-            np.asarray(self.steering.bias) + np.asarray(self.coasting),
-        )
+        momentum = np.asarray(self.steering.bias) + np.asarray(self.coasting)
+        magnetic = MagneticContext(self.steering, momentum)
         inertia = np.asarray(self.model.spacecraft.inertia)
         pulled = has_gravity_gradient(self.model.disturbance)
-        return _left_in_an_orbit(magnetic_motion(inertia, working, pulled), self.gain) < STAYS
+        motion = magnetic_motion(inertia, magnetic, pulled, rods)
+        return _left_in_an_orbit(motion, self.gain) < STAYS
 
     def init(self, state: PlantState) -> MagneticMemory:
         """Return the memory of a tumbling body without residual dipole."""
@@ -232,16 +230,25 @@ def _size(vector: Vector) -> RealScalar:
 
 
 def magnetic_motion(
-    inertia: Float[np.ndarray, "3 3"], magnetic: MagneticContext, gravity_gradient: bool
+    inertia: Float[np.ndarray, "3 3"],
+    magnetic: MagneticContext,
+    gravity_gradient: bool,
+    rods: Bool[np.ndarray, " rods"] | None = None,
 ) -> LinearMotion:
-    """Return the linear motion of a body (kg m²) with magnetorquers and any wheels."""
+    """Return the linear motion of a body (kg m²) with magnetorquers and any wheels.
+
+    All magnetorquers are commanded, of which these work; None for all.
+    """
     steering, momentum = magnetic
+    axes, shares = (np.asarray(one, float) for one in (steering.axes, steering.shares))
+    working = axes if rods is None else axes * rods
     return linear_motion(
         inertia,
         steering.field,
         np.asarray(steering.wanted, float),
         momentum,
-        dipoles=np.asarray(steering.axes, float) @ np.asarray(steering.shares, float),
+        dipoles=working @ shares,
+        missing=np.eye(3) - axes @ shares,
         unloading=0.0 if steering.wheel_axes is None else float(steering.unloading),
         gravity_gradient=gravity_gradient,
     )

@@ -24,6 +24,7 @@ from jaxsat.spacecraft.environment.orbit import (
     AbstractMagneticField,
     place_on_circle,
 )
+from jaxsat.spacecraft.magnetorquers import NEAREST
 
 TURNS, PHASES = 8, 32
 """Numbers of the Earth's angles and of orbit phases for which gains are stored."""
@@ -41,6 +42,9 @@ SETTLED, MOST_ORBITS = 1e-9, 400
 ANY_DIPOLE = np.eye(3)
 """P of magnetorquers along three independent axes."""
 
+NO_DIPOLE = np.zeros((3, 3))
+"""Q of them."""
+
 Matrices = Float[np.ndarray, "... _ _"]
 """Square matrices."""
 
@@ -52,8 +56,8 @@ class LinearMotion(NamedTuple):
     η the momentum of wheels beyond their bias along the columns of E, the orthonormal `basis` of
     wheel torques. Torques are in units of J0 ω0², momenta of J0 ω0, J0 = `moment` (kg m²) the
     geometric mean of the principal moments; `inverse` is J0 J⁻¹. c are the torques of wheels along
-    E. Rods make M (u - k E η), M x = P (b × x) × b, b = B / |B|, with N u = u, N = 1 - E Eᵀ, and
-    `unloading` k over ω0. P projects on the span of the rods' axes: if complete, M is 1 - b bᵀ.
+    E. Rods make M (u - k E η), with N u = u, N = 1 - E Eᵀ, and `unloading` k over ω0. M x is P D
+    (b × x) × b with b = B / |B| and D of `linear_motion`: if rods span all axes, M is 1 - b bᵀ.
     Wheels absorb the part along E, so that
 
         J dω/dt + ω × (J ω + h + E η) = N M (u - k E η) + E c,
@@ -116,6 +120,7 @@ def linear_motion(
     momentum: Float[np.ndarray, "3"],
     *,
     dipoles: Float[np.ndarray, "3 3"] = ANY_DIPOLE,
+    missing: Float[np.ndarray, "3 3"] = NO_DIPOLE,
     unloading: float = 0.0,
     gravity_gradient: bool,
 ) -> LinearMotion:
@@ -123,7 +128,9 @@ def linear_motion(
     torques.
 
     N is orthogonal. The `momentum` h (N m s), in body axes, is that of wheels at their bias,
-    `unloading` k in 1/s; `dipoles` is P. Gravity gradient adds 3 ω0² n × Jn.
+    `unloading` k in 1/s; `dipoles` is P, of rods that work, and `missing` Q projects on what the
+    axes of all that are commanded do not span. Of a dipole m they make D m = m - b (Qb·m) /
+    (|Qb|² + `NEAREST`²), as `MagneticSteering.turned`. Gravity gradient adds 3 ω0² n × Jn.
     """
     rate = float(field.circle.rate)
     moment = reference_moment(inertia)
@@ -136,7 +143,10 @@ def linear_motion(
     there = field.sampled(instants, turns[:, None])
     units = there / np.linalg.norm(there, axis=-1, keepdims=True)
     turning = np.cross(units[..., None, :], np.eye(3))  # b × x is x @ turning
-    across = turning @ dipoles @ np.swapaxes(turning, -1, -2)
+    beyond = units @ missing
+    square = np.sum(beyond**2, axis=-1) + NEAREST**2
+    turned = np.eye(3) - units[..., :, None] * (beyond / square[..., None])[..., None, :]
+    across = turning @ dipoles @ turned @ np.swapaxes(turning, -1, -2)
     stiffness = 1 + float(np.linalg.norm(stored))
     inverse = np.linalg.inv(scaled)
     return LinearMotion(moment, rate, inverse, basis, unloading / rate, stiffness, state, across)

@@ -41,12 +41,14 @@ class TolerantMagneticMemory(NamedTuple):
 
 
 class MagneticFlight(NamedTuple):
-    """What the law `magnetic` does, and whether it `flies`.
+    """What the law `magnetic` does, whether it `flies`, and whether it at least `acts`: beside
+    actuators that damp rates, magnetorquers do so too.
 
     `dipoles` are in A m², `torques` of wheels on the body in N m.
     """
 
     flies: BoolScalar
+    acts: BoolScalar
     dipoles: Float[Array, " k"]
     torques: Float[Array, " m"]
     memory: TolerantMagneticMemory
@@ -79,8 +81,9 @@ class TolerantMagnetic(eqx.Module):
         some = next((law for law in laws if law is not None), None)
         if some is None:
             return None
-        each = [some if law is None else law for law in laws]
-        steerings, gains = [law.steering for law in each], [_with_wheels(law.gain) for law in each]
+        damping = dataclasses.replace(some.steering, wanted=np.eye(3), bias=np.zeros(3))
+        steerings = [damping if law is None else law.steering for law in laws]
+        gains = [_with_wheels((some if law is None else law).gain) for law in laws]
         stacked = (
             np.stack([one.wanted for one in steerings]),
             np.stack([one.bias for one in steerings]),
@@ -115,22 +118,27 @@ class TolerantMagnetic(eqx.Module):
     def act(
         self,
         sample: Sample,
-        alone: BoolScalar,
+        unsettled: BoolScalar,
+        flows: BoolScalar,
         wheeled: Wheeled | None,
         before: TolerantMagneticMemory,
     ) -> MagneticFlight:
-        """What it does where magnetorquers and the wheels in use are `alone`, None for no wheels.
+        """What it does where no other law settles (`unsettled`) beside the wheels in use, None for
+        no wheels.
 
-        What was learnt of dipole and torque is kept as wheels fail, but not how the body moved. A
-        dipole of the body that no magnetorquer opposes is first turned into the field, and the law
-        has what this leaves of the dipoles. Wheels make the rest of its torque about their axis.
+        It flies where these are along one axis and no failed thruster `flows`; else magnetorquers
+        damp the rate. What was learnt of dipole and torque is kept as wheels fail, but not how the
+        body moved. A dipole of the body that no magnetorquer opposes is first turned into the
+        field, and the law has what this leaves of the dipoles. Wheels make the rest of its torque
+        about their axis.
         """
         none = jnp.zeros(0)
         usable = none if wheeled is None else wheeled.usable
         few = jnp.array(True) if wheeled is None else wheeled.left == Left.LESS
-        number, flies = self._number(usable), alone & few
+        flies = unsettled & few & ~flows
+        number = self._number(jnp.where(flies, usable, 0.0))
         used = jnp.where(self.members[number], usable, 0.0)
-        law = self._law(number, used)
+        law = self._law(number, used, self.holds[number] & flies)
         same = number == before.number
         own = before.own._replace(
             mode=jnp.where(same, before.own.mode, int(MagneticMode.DAMPING)),
@@ -138,7 +146,8 @@ class TolerantMagnetic(eqx.Module):
         )
         steering, state = law.steering, sample.state
         field = steering.field.in_body(sample.t, state.attitude)
-        besides = steering.shortened(steering.along_field(field, own.dipole))
+        body = own.dipole
+        besides = steering.shortened(steering.shares @ body - steering.turned(field, body))
         besides = jnp.where(own.mode == int(MagneticMode.DAMPING), 0.0, besides)
         torque, own = law.beside(sample.t, state, own, besides)
         wanted = steering.wanted_torque(state, torque)
@@ -149,7 +158,7 @@ class TolerantMagnetic(eqx.Module):
             shares = used * along / (jnp.sum(used * along**2) + SMALLEST)
             torques = shares * jnp.sum(law.gain.basis[:, 0] * (torque - made))
         memory = TolerantMagneticMemory(own, jnp.where(flies, number, NOWHERE))
-        return MagneticFlight(flies, besides + dipoles, torques, memory)
+        return MagneticFlight(flies, unsettled, besides + dipoles, torques, memory)
 
     def _number(self, usable: Float[Array, " m"]) -> IntScalar:
         """The set with the wheel that has the most torque to spare, of `usable` ones (N m)."""
@@ -157,8 +166,10 @@ class TolerantMagnetic(eqx.Module):
             return jnp.array(0)
         return jnp.where(jnp.any(usable > 0), self.of_wheel[jnp.argmax(usable)], 0)
 
-    def _law(self, number: IntScalar, usable: Float[Array, " m"]) -> MagneticLaw:
-        """That of a set, with the wheels that are usable."""
+    def _law(
+        self, number: IntScalar, usable: Float[Array, " m"], points: BoolScalar | bool = True
+    ) -> MagneticLaw:
+        """That of a set, with the wheels that are usable; it damps for ever unless it `points`."""
         laws, gain = self.laws, self.laws.gain
         wanted, bias, basis = (one[number] for one in _of_each_set(laws)[:3])
         axes = laws.wheel_axes
@@ -167,7 +178,7 @@ class TolerantMagnetic(eqx.Module):
             laws,
             steering=dataclasses.replace(laws.steering, wanted=wanted, bias=bias, wheel_axes=used),
             gain=PeriodicGain(gain.gains, basis, gain.rate, (number,)),
-            pointing_rate=jnp.where(self.holds[number], laws.pointing_rate, SMALLEST),
+            pointing_rate=jnp.where(points, laws.pointing_rate, SMALLEST),
         )
 
 

@@ -214,7 +214,7 @@ class TolerantRods(eqx.Module):
         each = reach.columns.T @ axis  # torque of each about n, of a dipole of 1
         square = jnp.maximum(jnp.sum(each * turning), SHALLOW**2 * jnp.sum(field**2))
         holding = steering.shortened(turning * jnp.sum(axis * torque) / square)
-        unloading = steering.unlimited(field, relief)
+        unloading = steering.shares @ jnp.cross(field, relief) / jnp.sum(field**2)
         unloading = unloading - turning * jnp.sum(each * unloading) / square
         left = reach._replace(low=reach.low - holding, high=reach.high - holding)
         return holding + allocate(left, reach.columns @ unloading).use

@@ -24,8 +24,8 @@ from jaxsat.spacecraft.steering import AbstractSteering, SteeringContext
 from jaxsat.spacecraft.wheels import wheel_momentum
 
 NEAREST = 0.05
-"""Sine of the angle between the field and the axes of two magnetorquers below which the dipole of
-theirs that turns that of the body into the field is reduced: it would be too large."""
+"""Sine of the angle between the field and the axes of two magnetorquers below which they make less
+of a dipole across these axes: their own would be too large."""
 
 
 class MagnetorquerFailures(AbstractFailures):
@@ -228,20 +228,18 @@ class MagneticSteering(AbstractSteering):
 
     def unlimited(self, field: Vector, torque: Vector) -> Float[Array, " k"]:
         """Return unlimited dipoles (A m²) for a torque in a field (T, body axes)."""
-        return self.shares @ (jnp.cross(field, torque) / jnp.sum(field**2))
+        return self.turned(field, jnp.cross(field, torque) / jnp.sum(field**2))
 
-    def along_field(self, field: Vector, dipole: Vector) -> Float[Array, " k"]:
-        """Return dipoles (A m²) by which the part of one of the body (A m²) along axes that no
-        magnetorquer has is turned towards a field (T).
+    def turned(self, field: Vector, dipole: Vector) -> Float[Array, " k"]:
+        """Return dipoles (A m²) with the torque of a `dipole` in a field (T, body axes).
 
-        With P on what the axes span and Q = 1 - P they are β P B, where Q (m - β B) is least. With
-        magnetorquers along two axes that is zero: together with Q m they make no torque. Near a
-        field in that span, within `NEAREST`, β is less.
+        With P on what the axes span and Q = 1 - P they are P (m - β B), where Q (m - β B) is least.
+        With magnetorquers along two axes that is zero, and the torque the same. Near a field in
+        that span, within `NEAREST`, β is less.
         """
-        spanned = self.axes @ (self.shares @ field)
-        beyond, missing = field - spanned, dipole - self.axes @ (self.shares @ dipole)
+        beyond, missing = (one - self.axes @ (self.shares @ one) for one in (field, dipole))
         square = jnp.sum(beyond**2) + NEAREST**2 * jnp.sum(field**2)
-        return self.shares @ field * (jnp.sum(missing * beyond) / square)
+        return self.shares @ (dipole - field * (jnp.sum(missing * beyond) / square))
 
     def excess(self, state: PlantState) -> Vector:
         """Return the momentum of the wheels beyond their bias, N m s, in body axes."""

@@ -17,7 +17,7 @@ from jaxsat.control.diagnosis.residual import Reading
 from jaxsat.control.magnetic import MagneticMode
 from jaxsat.control.reconfiguration import Left
 from jaxsat.control.tolerant_actuators import Sample, TolerantMode
-from jaxsat.control.tolerant_magnetic import TolerantMagnetic
+from jaxsat.control.tolerant_magnetic import NOWHERE, TolerantMagnetic
 from jaxsat.control.tolerant_rods import (
     BEARABLE,
     FULL_AT,
@@ -172,12 +172,15 @@ def test_a_dipole_that_no_magnetorquer_opposes_is_turned_into_the_field(cubesat)
         skew = np.delete(np.eye(3), axis, axis=1) @ np.array([[1.0, 0.6], [0.0, 0.8]])
         shares = np.linalg.pinv(skew)
         two = dataclasses.replace(steering, axes=skew, shares=shares, dipole_limit=np.ones(2))
-        dipoles = np.asarray(two.along_field(jnp.array(field), jnp.array(body)))
+        turned = np.asarray(two.turned(jnp.array(field), jnp.array(body)))
+        dipoles = shares @ body - turned
         alone = body[axis] * np.eye(3)[axis]
         exact = np.linalg.lstsq(np.cross(skew.T, field).T, -np.cross(alone, field))[0]
         sine = field[axis] / np.linalg.norm(field)
         np.testing.assert_allclose(dipoles * (1 + (NEAREST / sine) ** 2), exact, rtol=1e-9)
-        assert np.all(np.asarray(steering.along_field(jnp.array(field), jnp.array(body))) == 0)
+        np.testing.assert_allclose(
+            steering.turned(jnp.array(field), jnp.array(body)), body, rtol=0, atol=1e-15
+        )
 
 
 def test_two_magnetorquers_oppose_a_dipole_along_the_third_axis(cubesat):
@@ -195,14 +198,15 @@ def test_two_magnetorquers_oppose_a_dipole_along_the_third_axis(cubesat):
     none = Wheeled(jnp.zeros(3), jnp.array(int(Left.LESS)), jnp.zeros(3), jnp.zeros((3, 3)))
 
     @eqx.filter_jit
-    def act(limit, state, usable, number):
+    def act(limit, state, usable, number, flows):
         law = eqx.tree_at(lambda one: one.laws.steering.dipole_limit, magnetic, limit)
         sample = Sample(jnp.array(0.0), state, Reading(state.omega), cubesat.healthy)
         wheeled, before = none._replace(usable=usable), memory._replace(own=own, number=number)
-        flight = law.act(sample, jnp.array(True), wheeled, before)
-        return flight.dipoles, flight.torques
+        flight = law.act(sample, jnp.array(True), flows, wheeled, before)
+        return flight.dipoles, flight.torques, (flight.flies, flight.memory.number)
 
-    dipoles, _ = act(jnp.ones(3), state, jnp.zeros(3), jnp.array(0))
+    nothing_flows = jnp.array(False)
+    dipoles, *_ = act(jnp.ones(3), state, jnp.zeros(3), jnp.array(0), nothing_flows)
     alone, together = (np.linalg.norm(np.cross(one, field)) for one in (body, body + dipoles))
     assert dipoles[lost] == 0
     assert together < 3 * NEAREST**2 * alone
@@ -213,19 +217,28 @@ def test_two_magnetorquers_oppose_a_dipole_along_the_third_axis(cubesat):
     b = Rotation.from_quat(turned, scalar_first=True).inv().apply(field)
     sine = b[lost] / np.linalg.norm(b)
     first = (np.arange(3) != lost) * b * (body[lost] / b[lost]) / (1 + (NEAREST / sine) ** 2)
-    one_wheel = jnp.array([5e-3, 0.0, 0.0]), jnp.array(1)
-    dipoles, wheel = map(np.asarray, act(jnp.ones(3), state, *one_wheel))
+    one_wheel = jnp.array([5e-3, 0.0, 0.0]), jnp.array(1), nothing_flows
+    dipoles, wheel = map(np.asarray, act(jnp.ones(3), state, *one_wheel)[:2])
     more = dipoles - first
     limit = np.abs(first).max() + 0.1 * np.abs(more).max()
     kept = np.arange(3) != lost
     part = np.min((np.copysign(limit, more) - first)[kept] / more[kept])
     assert 0.05 < part < 0.95
-    found, made = map(np.asarray, act(limit * jnp.ones(3), state, *one_wheel))
+    found, made = map(np.asarray, act(limit * jnp.ones(3), state, *one_wheel)[:2])
     np.testing.assert_allclose(found, first + part * more, rtol=1e-9, atol=1e-15)
     lacking = (1 - part) * np.cross(more, b)
     np.testing.assert_allclose(made - wheel, [lacking[0], 0, 0], rtol=1e-9, atol=1e-18)
-    found, _ = act(0.5 * np.abs(first).max() * jnp.ones(3), state, *one_wheel)
+    found, *_ = act(0.5 * np.abs(first).max() * jnp.ones(3), state, *one_wheel)
     assert np.abs(found).max() <= (0.5 + 1e-12) * np.abs(first).max()
+    # While a failed thruster flows, wheels and thrusters damp the rate, and magnetorquers do too.
+    found, _, (flies, number) = act(jnp.ones(3), state, *one_wheel[:2], jnp.array(True))
+    frame = np.array([0, -rate, 0])
+    relative = frame - Rotation.from_quat(turned, scalar_first=True).inv().apply(frame)
+    against = -float(magnetic.laws.damping) * np.cross(b, relative) / (b @ b)
+    against = against - b * (against[lost] / b[lost]) / (1 + (NEAREST / sine) ** 2)
+    np.testing.assert_allclose(found, kept * against, rtol=1e-9, atol=1e-15)
+    assert not flies
+    assert number == NOWHERE
 
 
 def feedback(c, omega, inertia, rate, frequency, most):
@@ -403,7 +416,7 @@ def _both_laws(laws, wheeled, t, state, memories):
     """What both command, in one program for all."""
     law, controller, steering = laws
     sample = Sample(t, state, Reading(state.omega), law.healthy)
-    flight = law.magnetic.act(sample, jnp.array(True), wheeled, memories[0])
+    flight = law.magnetic.act(sample, jnp.array(True), jnp.array(False), wheeled, memories[0])
     torque, own_memory = controller.step(t, state, memories[1])
     return flight, steering(t, state, torque), flight.mode, own_memory
 
