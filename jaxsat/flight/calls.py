@@ -84,7 +84,7 @@ def expected_of_calls(
         kind = kinds[numbers[0], 0]
         with np.errstate(all="ignore"):
             table = _parameters(program, tables[numbers[0]])
-            now, state = _trees(program, inputs[numbers], states[numbers])
+            now, state = trees_of(program, inputs[numbers], states[numbers])
         if kind == STEP:
             expectations[numbers] = reference.step(now, state, table)
         elif kind == INIT:
@@ -148,7 +148,8 @@ def _parameters(program: FlightProgram, row: np.ndarray) -> list[np.ndarray]:
     return arrays
 
 
-def _trees(program: FlightProgram, inputs: np.ndarray, states: np.ndarray) -> tuple[Input, State]:
+def trees_of(program: FlightProgram, inputs: np.ndarray, states: np.ndarray) -> tuple[Input, State]:
+    """Return rows of inputs and states as trees of arrays with a leading axis."""
     now = unpacked(inputs, program.now)
     state = unpacked(states[:, :-1], program.begun)
     begin: Any = states[:, -1].astype(np.int32)

@@ -30,6 +30,7 @@ from jaxsat.flight.measure import BOUND_SCRIPT, ProcessorUse, measured
 from jaxsat.flight.parameters import parameters_header, parameters_source
 from jaxsat.flight.program import FlightProgram, flight_program
 from jaxsat.flight.readme import readme
+from jaxsat.flight.recording import recorded_flight, recording_program
 from jaxsat.flight.search import NoSearch, found_calls
 from jaxsat.flight.source import header, source
 from jaxsat.flight.templates import DEVIATIONS, template
@@ -113,6 +114,8 @@ def export(request: Request) -> Export:
         "controller_guard.c": guard_source(program, intro, request.hold_samples),
         "test_controller.c": test_program(program, intro),
         "test_functions.c": function_calls(program, intro),
+        "run_controller.c": recording_program(program),
+        "recorded_flight.csv": recorded_flight(reference, samples.given),
         "controller_library.c": library_source(program, intro),
         "prove_controller.c": prove_source(program, intro),
         "cortex_m.c": template("cortex_m.c"),

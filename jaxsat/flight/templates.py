@@ -4,7 +4,7 @@ from jaxsat.core import package_files
 
 BUILT = frozenset(f"build/{name}" for name in (
     "controller.o", "controller_guard.o", "controller_parameters.o",
-    "test_controller", "libcontroller.so", "test_sanitized",
+    "test_controller", "run_controller", "commands.csv", "libcontroller.so", "test_sanitized",
     "test_coverage", "coverage.o", "coverage.gcno", "coverage.gcda", "proof.txt",
     "mcdc.c", "mcdc.txt", "mcdc.log", "test_mcdc",
     "cortex-m4-steps.elf", "cortex-m4-test.elf", "cortex-m7-steps.elf", "cortex-m7-test.elf",

@@ -251,6 +251,10 @@ def test_estimator_and_modulation_agree_to_the_bit(tmp_path):
     made = _written(tmp_path, export(request))
     assert made.program.estimates
     assert "0 numbers differ" in _make(tmp_path, "test", "CC=gcc")
+    _make(tmp_path, "fly", "CC=gcc")
+    commands = np.loadtxt(tmp_path / "build" / "commands.csv", delimiter=",")
+    assert len(commands) == vectors.SAMPLES  # of one run
+    assert np.isfinite(commands).all()
 
 
 @needs("qemu-system-arm")
