@@ -6,18 +6,26 @@ scales is told by the units that the keys declare.
 
 import re
 
+import jax.numpy as jnp
 import numpy as np
 import pydantic
 import pytest
 
+from helpers.every_law import PLANNED, scenario_of
+from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.core.attitude import WZ
+from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.build.load import load
-from jaxsat.scenario.build.run import build
+from jaxsat.scenario.build.run import build, build_loop
 from jaxsat.simulation.engine.single import simulate
 from jaxsat.simulation.trajectory import Outcome
+from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.studies.changes import controller_of
 
 pytestmark = pytest.mark.slow
 
 FACTORS = (2.0**20, 2.0**-20)
+START = PlantState(WZ([0.3, -0.2], 0.4).as_quaternion(), jnp.array([0.02, -0.03, 0.04]))
 WITH_MASS = re.compile(r"\bkg\b|\bN\b|\bA\b")
 
 
@@ -41,25 +49,48 @@ def unit_of(field):
     return extra.get("unit") if isinstance(extra, dict) else None
 
 
+FLIGHTS = {
+    "quaternion-feedback": "cubesat-12u",
+    "three-slew": "acceptance-hard",
+    "switching": "switching",
+    "rate": "paper-rate",
+    "one-torque": "one-torque-damping",
+    "fault-tolerant": "hybrid-wheels",
+    "magnetic": "wheel-and-rods",
+}
+"""Scenarios of the library by their laws."""
+
+ELSEWHERE = ("oscillatory", PLANNED)
+"""Flown at other masses in tests/control/test_similarity.py; and parts of three-slew."""
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    [
-        "cubesat-12u",
-        "acceptance-hard",
-        "switching",
-        "paper-rate",
-        "one-torque-damping",
-        "hybrid-wheels",
-        "wheel-and-rods",
-    ],
-)
-def test_a_flight_of_each_law_is_the_same_at_any_mass(name):
+@pytest.mark.parametrize("law", FLIGHTS)
+def test_a_flight_of_each_law_is_the_same_at_any_mass(law):
     """The limit on the state of a run holds for none of its units of mass, either."""
-    scenario = load(name)
+    scenario = load(FLIGHTS[law])
+    assert scenario.law.name == law
     first = build(scenario).simulate()
     for factor in FACTORS:
         require_the_same(build(scaled(scenario, factor)).simulate(), first, factor)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", [law for law in LAWS if law not in (*FLIGHTS, *ELSEWHERE)])
+def test_commands_of_every_other_law_have_the_unit_of_the_mass(law):
+    scenario = scenario_of(law)
+
+    def commanded(factor):
+        loop = build_loop(scaled(scenario, factor))
+        controller, state = controller_of(loop), loop.plant.complete(START)
+        sampled = isinstance(controller, AbstractSampledController)
+        command = controller.step if sampled else controller
+        return np.asarray(command(jnp.array(0.3), state, controller.init(state))[0])
+
+    own = commanded(1.0)
+    assert law == "coast" or np.abs(own).max() > 1e-3
+    for factor in FACTORS:
+        np.testing.assert_array_equal(commanded(factor) / factor, own)
 
 
 @pytest.mark.slow
