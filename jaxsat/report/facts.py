@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from jaxsat.core.declaration.actuators import PARTS
+from jaxsat.core.once import latest
 from jaxsat.core.text import number_text
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.report.document import Facts
@@ -17,9 +18,14 @@ if TYPE_CHECKING:  # studies are told without it
 
 
 def scenario_tables(dataset: "xr.Dataset") -> dict[str, Any]:
-    """Return the tables of a dataset's scenario; empty where it has none."""
+    """Return the tables of a dataset's scenario, not to be changed; empty where it has none."""
+    return _tables(str(dataset.attrs.get("scenario", "")))
+
+
+@latest(2)
+def _tables(scenario: str) -> dict[str, Any]:
     try:
-        return tomllib.loads(str(dataset.attrs.get("scenario", "")))
+        return tomllib.loads(scenario)
     except tomllib.TOMLDecodeError:
         return {}
 

@@ -140,10 +140,9 @@ def kept_samples(signals: np.ndarray, most: int = MOST) -> np.ndarray:
 
 def _places_of_largest(values: np.ndarray, begins: np.ndarray) -> np.ndarray:
     """Return the index of the largest value of each part."""
-    ends = [*begins[1:], len(values)]
-    return np.array(
-        [begin + np.argmax(values[begin:end]) for begin, end in zip(begins, ends, strict=True)]
-    )
+    ends = np.append(begins[1:], len(values))
+    places = begins[:, None] + np.arange((ends - begins).max())
+    return begins + np.argmax(values[np.minimum(places, ends[:, None] - 1)], axis=1)
 
 
 def largest_of_parts(values: np.ndarray, parts: int) -> tuple[np.ndarray, np.ndarray]:

@@ -28,6 +28,7 @@ from jaxsat.core.declaration import PartDeclaration
 from jaxsat.core.declaration.laws import LAWS
 from jaxsat.core.process import _ADDED, add_folders
 from jaxsat.core.trees import _places
+from jaxsat.report import facts
 from jaxsat.scenario import control, plugins, wording
 from jaxsat.scenario.optimisers import OptimiserSettings
 from jaxsat.scenario.parts import named
@@ -70,6 +71,7 @@ FUNCTIONS = [
     (lie._monomials, lambda: (2,)),
     (naming._statements, lambda: (__file__,)),
     (naming._tree, lambda: (__file__,)),
+    (facts._tables, lambda: ("[control]",)),
     (_versions, tuple),
     (_processor, tuple),
     (_places, lambda: (3,)),
