@@ -63,7 +63,8 @@ def _sine_or_cosine(b: Builder, eqn, x: Elements) -> Elements:
         return each(lambda y: _compact(b, part, y), x)
     aval: Any = operand.aval
     both = not isinstance(operand, Literal) and operand in b.sine_and_cosine
-    closed = program("near_sincos" if both else f"near_{part}", aval.dtype)
+    name = "near_sincos" if both else f"near_{part}"
+    closed = program(name, aval.dtype)
     place = PARTS.index(part) if both else 0
 
     def one(y: Scalar) -> Scalar:
@@ -72,7 +73,10 @@ def _sine_or_cosine(b: Builder, eqn, x: Elements) -> Elements:
 
         if not isinstance(y, Value):
             return long_way()
-        results = [result[()] for result in lower(b, closed, [filled((), y)])]
+        results: Any = b.block.find((name, y.number))
+        if results is None:  # else the builder would share every operation
+            results = [result[()] for result in lower(b, closed, [filled((), y)])]
+            b.block.known[name, y.number] = results
         return b.cold_branch(results[-1], long_way, results[place])
 
     return each(one, x)
