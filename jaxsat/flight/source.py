@@ -65,7 +65,7 @@ def _defines(program: FlightProgram) -> Iterator[str]:
             if one.choices is choices
         ]
         lines = comment(f"The numbers of {', '.join(places)}")
-        lines += [f"#define {name} ({number})" for number, name in names.items()]
+        lines += [f"#define {name} INT32_C({number})" for number, name in names.items()]
         yield "\n".join([*lines, "", ""])
 
 

@@ -128,7 +128,7 @@ def test_a_state_that_wraps_beyond_32_bits_keeps_64_beside_a_mode_of_32():
 @pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
 def test_numbers_of_modes_and_of_annotated_states_have_names(single):
     program = flight_program(loop_of(Stepping()), start(), single=single)
-    defines = re.findall(r"#define (CONTROLLER_\w+) \((\d)\)", header(program, []))
+    defines = re.findall(r"#define (CONTROLLER_\w+) INT32_C\((\d)\)", header(program, []))
     assert defines == [
         ("CONTROLLER_MODE_LOW", "4"), ("CONTROLLER_MODE_HIGH", "5"),
         ("CONTROLLER_STEP_FIRST", "0"), ("CONTROLLER_STEP_SECOND", "1"),
