@@ -13,11 +13,9 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.offsetbox import PackerBase
 from matplotlib.ticker import AutoLocator, LogFormatterSciNotation
 from matplotlib.transforms import ScaledTranslation
 
-from jaxsat.core.once import latest
 from jaxsat.core.text import clean
 from jaxsat.report.plot import Axis, Line, Plot, Strips, Timeline, kept_samples, largest_of_parts
 from jaxsat.report.shared_ticks import SharedTicksAxes
@@ -53,9 +51,6 @@ LABEL_AT = 0.77
 TITLE_WIDTH, LABEL_WIDTH, LEGEND_WIDTH, HANDLE = 110, 22, 100, 7
 """Characters of a line above a panel, beside one, and in a legend without a bar beside it, and of
 the line drawn in a legend entry."""
-
-MEASURE = "_get_bbox_and_child_offsets"
-"""Method of matplotlib's boxes, by which a legend places its entries."""
 
 NAME = 12
 """Characters of the name of a strip."""
@@ -190,9 +185,7 @@ def _place_legend(panel: Axes, legend: Sequence[str], columns: int, *, above: bo
     handles = dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
     entries = {label: handles[label] for label in legend if label in handles}
     place |= {"ncols": columns}
-    box = panel.legend([*entries.values()], [*entries], fontsize=8, **(place if above else {}))
-    for pack in box.findobj(PackerBase):  # each measures all that it contains, whenever asked
-        setattr(pack, MEASURE, latest(1)(getattr(pack, MEASURE)))
+    panel.legend([*entries.values()], [*entries], fontsize=8, **(place if above else {}))
 
 
 def _paint(figure: Figure, panel: Axes, plot: Plot) -> None:
