@@ -15,7 +15,7 @@ from jaxsat.compiler.c.layout import Field, Struct, about, fields_of, parameter_
 from jaxsat.compiler.c.naming import Names, identifier
 from jaxsat.compiler.ir import Function, Source, Value, uses
 from jaxsat.compiler.passes.enumerations import name_numbers
-from jaxsat.compiler.passes.narrowing import Ports, narrow
+from jaxsat.compiler.passes.narrowing import MOST, Ports, narrow
 from jaxsat.compiler.scalar_program import ScalarProgram, scalar_program
 from jaxsat.core.fingerprint import fingerprint
 from jaxsat.flight.flight import (
@@ -303,11 +303,10 @@ def _narrowed(
     ports: Sequence[Ports], structs: dict[str, Struct], defaults: Sequence[Any]
 ) -> dict[str, Struct]:
     """Shorten whole numbers of stages to 32 bits, and return the structures with such fields."""
-    least, most = np.iinfo(np.int32).min, np.iinfo(np.int32).max
     long = [
         f"parameters.{one.name}"
         for one in structs["parameters"].fields
-        if one.dtype.kind == "i" and not np.all(_within(defaults[one.number], least, most))
+        if one.dtype.kind == "i" and np.any(np.abs(np.asarray(defaults[one.number])) > MOST)
     ]
     short = narrow(ports, long)
 
@@ -317,10 +316,6 @@ def _narrowed(
             yield replace(one, dtype=np.dtype(np.int32)) if is_short else one
 
     return {name: replace(struct, fields=tuple(fields(name))) for name, struct in structs.items()}
-
-
-def _within(x: Any, least: int, most: int) -> np.ndarray:
-    return (least <= np.asarray(x)) & (np.asarray(x) <= most)
 
 
 def _elements_under(struct: Struct, part: str, pointer: str) -> list[str]:

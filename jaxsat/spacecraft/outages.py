@@ -7,6 +7,10 @@ from jaxsat.core.array_types import IntScalar, RealScalar
 from jaxsat.core.checks import concrete
 from jaxsat.core.errors import ArgumentError
 
+SLACK = 1e-6
+"""Time by which outages that come again begin and end early, in parts of the period: the remainder
+of a time at which one begins may be rounded to just below the time between two."""
+
 Times = Float[Array, " *sensors"] | None
 """A time (s) of one sensor, or of each of several; None for no outage, or no other one."""
 
@@ -38,4 +42,5 @@ def outside_outages(
     since = sample * period - start
     if every is None:
         return (since < 0) | (since >= length)
+    since = since + SLACK * period
     return (since < 0) | (jnp.mod(since, every) >= length)

@@ -62,6 +62,17 @@ def reads_bits(n, x):
     return n + (jax.lax.bitcast_convert_type(x, jnp.int64) >> 62)
 
 
+def adds_large(n, x):
+    """A sum that feeds nothing, of a constant that 32 bits hold."""
+    return n + 2_000_000_000
+
+
+def widens(n, x):
+    """A sum of numbers that were made longer for it."""
+    count = jnp.where(x > 0, 2_000_000_000, 5).astype(jnp.int32)
+    return n + jnp.where(count.astype(jnp.int64) + count.astype(jnp.int64) > 0, 1, 0)
+
+
 def program(function, number=2):
     """The scalar program of a function, and its ports: the number comes back at the next call."""
     example = scalar_program("step", function, (jnp.array(number), jnp.array(0.25)))
@@ -95,11 +106,26 @@ def test_what_only_counts_and_chooses_has_32_bits_and_the_same_results(function)
         assert result == compiled(n, x)
 
 
-@pytest.mark.parametrize("function", [multiplies, adds_much, doubles, rounds, is_large, reads_bits])
+@pytest.mark.parametrize(
+    "function", [multiplies, adds_much, adds_large, doubles, rounds, is_large, reads_bits]
+)
 def test_what_can_leave_32_bits_keeps_64(function):
     scalar, ports = program(function)
     assert narrow([ports]) == set()
     assert scalar.params[0].dtype == WIDE
+
+
+def test_what_the_program_makes_longer_stays_so():
+    scalar, ports = program(widens)
+    narrow([ports])
+    assert WIDE in kinds(scalar)
+    results = [interpret(scalar, [np.int32(1), np.float64(x)])[0] for x in (0.5, -0.5)]
+    assert results == [2, 2]
+
+
+def test_floats_have_no_part_in_it():
+    _, ports = program(lambda n, x: jnp.where(jnp.inf - x > 0, n + 1, n))
+    assert narrow([ports]) == {"state"}
 
 
 def test_an_index_has_32_bits():

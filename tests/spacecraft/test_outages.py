@@ -1,5 +1,6 @@
 """Outages of sensors that come again and again, against a list of intervals."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -30,6 +31,16 @@ def valid(sensor):
 def test_outages_of_a_sensor_come_again(sensor):
     assert valid(sensor(**OUTAGES)) == outside(INTERVALS)
     assert valid(sensor(**{**OUTAGES, "outage_every": None})) == outside(INTERVALS[:1])
+
+
+@pytest.mark.parametrize(("start", "length", "every"), [(3, 2, 6), (1, 1, 3), (7, 5, 20)])
+def test_outages_at_decimal_times_lose_no_sample(start, length, every):
+    """Their begins and ends are at samples, 0.1 s apart, which integers tell."""
+    sensor = Gyro(outage_start=start / 10, outage=length / 10, outage_every=every / 10)
+    samples = np.arange(400)
+    says = jax.vmap(lambda k: sensor.is_valid(k, jnp.array(0.1)))(jnp.asarray(samples))
+    outside_all = (samples < start) | ((samples - start) % every >= length)
+    np.testing.assert_array_equal(says, outside_all)
 
 
 def test_outages_of_tachometers_come_again_each_in_its_time():

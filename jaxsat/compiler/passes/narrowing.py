@@ -1,9 +1,10 @@
 """Whole numbers of 32 bits in place of 64 where a program only counts, compares and chooses.
 
 NumPy's and JAX's default integers have 64 bits beside doubles. A number becomes shorter where it
-begins as one of at most 32 bits, and where nothing that is made of it can leave them but by
-counting 2^31 times: additions of anything other than -1, 0 and 1 may not feed themselves, from one
-call of the program to the next either.
+begins as one of at most `MOST`, and where nothing that is made of it can leave 32 bits but by
+counting 2^30 times: additions of anything other than -1, 0 and 1 may not feed themselves, from one
+call of the program to the next either. Of other sums it would take a thousand in a row. What the
+program itself makes longer, from 32 to 64 bits, stays so.
 """
 
 from collections.abc import Hashable, Iterator, Sequence
@@ -25,6 +26,9 @@ WIDE, NARROW = np.dtype(np.int64), np.dtype(np.int32)
 
 ALIKE = frozenset(("select", "add", "sub", "min", "max", "neg", "abs", "and", "or", "xor", "rem"))
 """Operations whose results have the type of their operands, and stay within 32 bits."""
+
+MOST = 2**20
+"""Largest size of parameters, tables and terms of sums that become shorter."""
 
 COMPARED = frozenset(("lt", "le", "gt", "ge", "eq", "ne"))
 
@@ -131,22 +135,29 @@ class _Narrowing:
                 ]
                 if name == "convert":
                     kind = args[0].dtype
-                    if kind.kind == "f" or (kind.kind == "u" and kind.itemsize > 2):
+                    is_long = kind.kind in "iu" and kind.itemsize > 2 and kind != WIDE
+                    if kind.kind == "f" or is_long:
                         self._wide.update(wide)
-                elif name not in ALIKE | COMPARED or (name in ("add", "sub") and self._grows(step)):
+                elif name not in ALIKE | COMPARED or (out.dtype == WIDE and self._grows(step)):
                     self._wide.update(wide)
             case ir.Call(function=ir.Function(source=None)):
                 values = [x for x in (*step.args, *step.outs) if isinstance(x, ir.Value)]
                 self._wide.update(x.number for x in values)
             case ir.Load(memory=memory) | ir.Store(memory=memory):
                 numbers = memory.initial if memory.dtype == WIDE else None
-                if numbers is not None and not all(map(_fits, numbers)):
+                if numbers is not None and np.any((numbers < -MOST) | (numbers > MOST)):
                     self._wide.add(memory.number)
 
     def _grows(self, step: ir.Operation) -> bool:
-        """Whether a sum is by more than one, and may be an operand of itself later."""
-        if any(isinstance(x, np.generic) and abs(int(x)) <= 1 for x in step.args):
+        """Whether an operation is a sum by more than `MOST`, or one by more than one that may be an
+        operand of itself later."""
+        if step.name not in ("add", "sub"):
             return False
+        sizes = [abs(int(x)) for x in step.args if isinstance(x, np.generic)]
+        if sizes and min(sizes) <= 1:
+            return False
+        if sizes and max(sizes) > MOST:
+            return True
         before = {node(x) for x in step.args if isinstance(x, ir.Value)}
         seen: set[Hashable] = set()
         waiting: list[Hashable] = [step.out.number]
