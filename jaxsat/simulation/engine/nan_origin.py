@@ -1,4 +1,4 @@
-"""Origin of a NaN in a function's result: the operation that produces it.
+"""Origin of a NaN in a function's result, or in the derivative of a run's cost.
 
 The function is traced and computed one operation after the other, except for passes of loops
 without new NaN, and every NaN is traced from its origin. The derivative of a program is a function
@@ -9,6 +9,7 @@ operations that they differentiate.
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -25,15 +26,29 @@ from jaxsat.core.jax_internals import (
     layout_of,
     place_of,
 )
+from jaxsat.simulation.engine.fixed import stepper_for
+from jaxsat.simulation.engine.program import Program
+from jaxsat.simulation.engine.stepper import AbstractStepper
 
 
 class Origin(NamedTuple):
     """Origin of a NaN: an operation (name of its primitive) and the calls in the source from the
-    outermost; or the number of the argument leaf that contained it."""
+    outermost; or the number of the argument leaf that contained it.
+
+    `step` is the number of the pass of the outermost loop around the operation, zero outside.
+    """
 
     operation: str
     place: tuple[Place, ...] = ()
     argument: int | None = None
+    step: int = 0
+
+
+class NanInRun(NamedTuple):
+    """The operation that produces the NaN, and the time (s) at which its interval begins."""
+
+    origin: Origin
+    time: float
 
 
 class _Value(NamedTuple):
@@ -43,12 +58,41 @@ class _Value(NamedTuple):
     origin: Origin | None = None
 
 
-def nan_origins(function: Callable, *arguments: PyTree) -> list[Origin | None]:
-    """Origin of the NaN in each leaf of a function's result; None for a leaf without NaN."""
-    program = jax.make_jaxpr(function)(*arguments)
+def nan_origins(function: Callable, *arguments: PyTree) -> Any:
+    """Origin of the NaN in each leaf of a function's result, a tree like it; None without a NaN."""
+    program, result = jax.make_jaxpr(function, return_shape=True)(*arguments)
     leaves = jax.tree.leaves(arguments)
     values = [_value(leaf, Origin("", (), number)) for number, leaf in enumerate(leaves)]
-    return [value.origin for value in _compute(program, values)]
+    origins = [value.origin for value in _compute(program, values)]
+    return jax.tree.unflatten(jax.tree.structure(result), origins)
+
+
+def nan_in_run(
+    stepper: AbstractStepper, program: Program, case: PyTree, gains: PyTree, direction: PyTree
+) -> NanInRun | None:
+    """Origin of a NaN in the derivative of a case's cost along a `direction` of the gains.
+
+    None without a NaN, also where the derivative is infinite.
+    """
+
+    def run(gains):
+        one = program.case_factory(case, gains)
+        steps = stepper_for(stepper, one.loop)
+
+        def interval(progress, number):
+            return steps.advance(program, one, progress, number, 1), None
+
+        begin = steps.begin(program, one)
+        end = jax.lax.scan(interval, begin, jnp.arange(program.intervals))[0]
+        cost = steps.finish(program, one, end, jnp.array(program.intervals)).cost
+        return cost, *eqx.filter(((one, begin), end), eqx.is_inexact_array)
+
+    origin, *progress = nan_origins(lambda gains: jax.jvp(run, (gains,), (direction,))[1], gains)
+    if origin is None:
+        return None
+    begin, end = (jax.tree.leaves(x, is_leaf=lambda x: isinstance(x, Origin)) for x in progress)
+    number = 0 if origin in begin else origin.step if origin in end else program.intervals
+    return NanInRun(origin, number * float(np.asarray(program.interval)))
 
 
 def _value(array: Any, origin: Origin | None) -> _Value:
@@ -114,17 +158,23 @@ class _LoopBody:
     def __init__(self, body: ClosedJaxpr):
         self.body, self._compiled, self._first = body, jax.jit(jaxpr_as_fun(body)), True
 
-    def __call__(self, operands: list[_Value], before: Sequence[Origin | None]) -> list[_Value]:
-        """Compute one pass; `before` has the origin of each NaN in the results of the last pass."""
-        if self._first:
-            self._first = False
-            return _compute(self.body, operands)
-        arrays = self._compiled(*[value.array for value in operands])
-        if any(
-            origin is None and _has_nan(array) for array, origin in zip(arrays, before, strict=True)
-        ):
-            return _compute(self.body, operands)
-        return [_value(array, origin) for array, origin in zip(arrays, before, strict=True)]
+    def __call__(
+        self, operands: list[_Value], before: Sequence[Origin | None], step: int
+    ) -> list[_Value]:
+        """Compute pass `step`; `before` has the origin of each NaN in the results of the last."""
+        if not self._first:
+            arrays = self._compiled(*[value.array for value in operands])
+            pairs = list(zip(arrays, before, strict=True))
+            if all(origin is not None or not _has_nan(array) for array, origin in pairs):
+                return [_value(array, origin) for array, origin in pairs]
+        self._first = False
+        inherited = {id(value.origin) for value in operands}
+        return [
+            value
+            if id(value.origin) in inherited or value.origin is None
+            else value._replace(origin=value.origin._replace(step=step))
+            for value in _compute(self.body, operands)
+        ]
 
 
 def _scan(parameters: Any, operands: list[_Value]) -> list[_Value]:
@@ -134,9 +184,9 @@ def _scan(parameters: Any, operands: list[_Value]) -> list[_Value]:
     once = _LoopBody(body)
     before = [value.origin for value in values] + [None] * (len(body.out_avals) - len(values))
     order = range(length)
-    for number in reversed(order) if parameters["reverse"] else order:
+    for step, number in enumerate(reversed(order) if parameters["reverse"] else order):
         row = [_value(x.array[number], x.origin) for x in operands[end:]]
-        values = once([*operands[:consts], *values[: end - consts], *row], before)
+        values = once([*operands[:consts], *values[: end - consts], *row], before, step)
         before = [value.origin for value in values]
         rows.append(values[end - consts :])
     if parameters["reverse"]:
@@ -154,8 +204,10 @@ def _while(parameters: Any, operands: list[_Value]) -> list[_Value]:
     end = begin + parameters["n_body"]
     carry, once = operands[end:], _LoopBody(parameters["body"])
     goes_on = jax.jit(jaxpr_as_fun(parameters["test"]))
+    step = 0
     while bool(goes_on(*[value.array for value in (*operands[:begin], *carry)])[0]):
-        carry = once([*operands[begin:end], *carry], [value.origin for value in carry])
+        carry = once([*operands[begin:end], *carry], [value.origin for value in carry], step)
+        step += 1
     return carry
 
 

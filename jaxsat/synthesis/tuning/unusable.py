@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 import jaxsat
 from jaxsat.core.errors import JaxsatError
 from jaxsat.core.jax_internals import Place
-from jaxsat.simulation.engine.nan_in_run import nan_in_run
+from jaxsat.simulation.engine.nan_origin import nan_in_run
 from jaxsat.simulation.trajectory import Outcome
 from jaxsat.synthesis.tuning.cost_evaluator import CaseGradients, CostEvaluator
 from jaxsat.synthesis.tuning.plan import usable_cases

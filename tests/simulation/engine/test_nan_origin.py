@@ -1,12 +1,18 @@
 """The operation that makes a NaN, in functions of which it is known."""
 
 import inspect
+from types import SimpleNamespace
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import pytest
 
-from jaxsat.simulation.engine.nan_origin import nan_origins
+from jaxsat.core.solvers import NamedSolver, Solver
+from jaxsat.simulation.engine.nan_origin import nan_in_run, nan_origins
+from jaxsat.simulation.engine.program import program_of
+from jaxsat.simulation.engine.stepper import AbstractStepper
+from simulation.engine.examples import Kicked, continuous_example
 
 X = jnp.array([0.0, 1.0])
 
@@ -55,7 +61,7 @@ def called(x):
     ],
 )
 def test_the_operation_and_its_line_are_found(function, x, operation, source):
-    (origin,) = nan_origins(function, x)
+    origin = nan_origins(function, x)
     assert origin.operation == operation
     assert origin.place[-1].file == __file__
     if source is not None:
@@ -64,9 +70,9 @@ def test_the_operation_and_its_line_are_found(function, x, operation, source):
 
 
 def test_what_is_no_nan_or_is_not_chosen_has_no_origin():
-    assert nan_origins(hidden_root, X) == [None]
-    assert nan_origins(lambda x: jnp.where(x > 5, jnp.nan, x), X) == [None]
-    assert nan_origins(lambda x: (x.astype(int), 1 / x), X) == [None, None]
+    assert nan_origins(hidden_root, X) is None
+    assert nan_origins(lambda x: jnp.where(x > 5, jnp.nan, x), X) is None
+    assert nan_origins(lambda x: (x.astype(int), 1 / x), X) == (None, None)
 
 
 def test_a_nan_that_is_given_is_told_by_the_number_of_its_argument():
@@ -81,4 +87,69 @@ def test_of_two_the_one_that_is_chosen_counts():
         return jnp.where(x < 1, jnp.log(x - 1), jnp.sqrt(x - 2))
 
     for x, operation in ((0.5, "log"), (1.5, "sqrt")):
-        assert nan_origins(chosen, jnp.array(x))[0].operation == operation
+        assert nan_origins(chosen, jnp.array(x)).operation == operation
+
+
+def test_the_pass_of_the_outermost_loop_is_told():
+    def loops(x):
+        return jax.lax.fori_loop(0, 4, lambda i, x: jnp.sum(in_a_loop(x)) - i, x)
+
+    assert nan_origins(in_a_loop, jnp.array(0.5)).step == 1
+    assert nan_origins(in_a_while, jnp.array(5.0)).step == 1
+    assert nan_origins(loops, jnp.array(3.5)).step == 1  # ln 2.5 + 2 ln 1.5 = 1.7 < 2
+
+
+class Gain(Kicked):
+    """A case that draws the gain."""
+
+    def __call__(self, case, gains):
+        return super().__call__(case, None)._replace(drawn={"gain": gains})
+
+
+class Falling(AbstractStepper):
+    """A number, the gain, falls by 1 in each interval.
+
+    In one `phase` its derivative becomes NaN where the number is not positive.
+    """
+
+    phase: str = eqx.field(static=True)
+    solver: Solver = NamedSolver("tsit5")
+
+    def spoilt(self, x, phase):
+        return x + 0.0 * jnp.sqrt(jnp.maximum(x, 0.0)) if phase == self.phase else x
+
+    def identity(self):
+        return {}
+
+    def begin(self, program, case):
+        return self.spoilt(case.drawn["gain"] - 3.0, "begin") + 3.0
+
+    def advance(self, program, case, progress, first, count, axis_name=None):
+        return self.spoilt(progress - 1.0, "advance")
+
+    def finish(self, program, case, progress, number):
+        return SimpleNamespace(cost=self.spoilt(progress, "finish"))
+
+    def signals(self, program, case, progress, number):
+        raise NotImplementedError
+
+
+@pytest.fixture(scope="module")
+def falling():
+    """The origin of the NaN of a phase in five intervals of 2 s."""
+    example = continuous_example()
+    factory = Gain(example.case_factory.loop, example.case_factory.start)
+    program = program_of(factory, factory.loop, 10.0, 2.0)
+    gain = jnp.array(3.0)
+    return lambda phase: nan_in_run(Falling(phase), program, jnp.zeros(3), gain, gain)
+
+
+@pytest.mark.parametrize(("phase", "time"), [("begin", 0.0), ("advance", 4.0), ("finish", 10.0)])
+def test_the_time_is_that_of_the_interval_in_which_the_nan_begins(falling, phase, time):
+    found = falling(phase)
+    assert (found.time, found.origin.operation) == (time, "mul")
+    assert found.origin.place[-1].function == "Falling.spoilt"
+
+
+def test_a_run_without_a_nan_has_no_origin(falling):
+    assert falling("none") is None

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from jaxsat.control.rate import RateLaw
-from jaxsat.simulation.engine.nan_in_run import nan_in_run
+from jaxsat.simulation.engine.nan_origin import nan_in_run
 from jaxsat.simulation.engine.program import AbstractCaseFactory
 from jaxsat.simulation.trajectory import Outcome
 from jaxsat.synthesis.tuning.cost_evaluator import CaseGradients
