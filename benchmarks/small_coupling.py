@@ -10,39 +10,36 @@ file lacks.
 
 Two reasons lie in the drawn body: its c is below `LEAST_COUPLING`, or no attitude within the
 tolerances has a drift about n that an oscillation within the tolerance of the rate stops, so that
-no law can hold it for ever. `reached` is the fraction of the other cases.
+no law can hold it for ever. `reached` is the fraction of the other cases. `drifts` counts those
+that sines do not stop, `beyond_any_rate` those of them that no periodic rates stop.
 """
 
 import argparse
 import csv
-import math
 import sys
 import time
 import warnings
 from pathlib import Path
-from typing import cast
+from typing import NamedTuple
 
 import diffrax
-import equinox as eqx
 import jax
 import numpy as np
 
 from jaxsat.core.allocation import torque_directions
 from jaxsat.core.inertia import normal_axes
-from jaxsat.core.ranges import SETTLED_RATE, SETTLED_TURN, SETTLED_W
+from jaxsat.core.ranges import SETTLED_TURN, SETTLED_W
 from jaxsat.scenario import Scenario, ScenarioWarning
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import study_program
-from jaxsat.scenario.holding import rest_drift
+from jaxsat.scenario.derived import believed_axes
 from jaxsat.simulation.engine.fixed import FixedStepper
 from jaxsat.simulation.engine.native import NativeEngine
-from jaxsat.simulation.sampled_loop import SampledLoop
-from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.studies.designs import Independent
-from jaxsat.studies.dispersions import Dispersed, StudyCase
 from jaxsat.studies.ensemble import Study
 from jaxsat.synthesis.controller_design.candidates import Candidate, with_larger_end_game
 from jaxsat.synthesis.controller_design.completion import completed
+from jaxsat.synthesis.controller_design.lost_holds import drawn_bodies, drawn_drifts
 from jaxsat.synthesis.controller_design.vehicle import scale_of, vehicle_verdict
 from random_family import FamilyMember, family_member, family_scenario
 
@@ -73,31 +70,26 @@ def candidates(member: FamilyMember) -> list[Candidate]:
     return [*own, *filter(None, map(with_larger_end_game, own))]
 
 
-@eqx.filter_jit
-def drawn(copies: Dispersed, cases: StudyCase) -> tuple[jax.Array, jax.Array]:
-    """Inertia (cases, 3, 3) in kg m² and torque axes (cases, 3, 2) of every drawn body."""
+class Limits(NamedTuple):
+    """Which drawn bodies have too small a c, and which others a drift that no oscillation of sines,
+    or no periodic rates at all, stop."""
 
-    def one(case):
-        loop = cast(SampledLoop, copies(case).loop)
-        actuators = cast(Actuators, loop.plant.effectors[0])
-        return loop.plant.spacecraft.inertia, actuators.torque_axes
-
-    return jax.vmap(one)(cases)
+    small: np.ndarray
+    drifts: np.ndarray
+    beyond_any_rate: np.ndarray
 
 
-def beyond_any_law(scenario: Scenario, study: Study) -> tuple[np.ndarray, np.ndarray]:
-    """Which drawn bodies have too small a c, and which others a drift that no oscillation stops."""
-    rate, acts = scenario.orbit.rate(), scenario.disturbance.gravity_gradient
-    tolerances = (2 * math.atan(SETTLED_W), SETTLED_TURN, SETTLED_RATE)
-    small, drifts = [], []
-    bodies = drawn(study.case_factory, study.cases(np.arange(study.count)))
-    for inertia, axes in zip(*map(np.asarray, bodies), strict=True):
-        directions = torque_directions(axes)
-        _, (first, second, third) = normal_axes(inertia, directions)
-        found = rest_drift(inertia, directions, rate, acts, tolerances)
-        small.append((first - second) / third < LEAST_COUPLING)
-        drifts.append(abs(found.drift) > found.balanced)
-    return np.array(small), np.array(drifts) & ~np.array(small)
+def beyond_any_law(scenario: Scenario, study: Study) -> Limits:
+    """The limits of the bodies of a study."""
+    bodies = drawn_bodies(study, torque_directions(believed_axes(scenario)))
+    moments = [normal_axes(*body)[1] for body in bodies]
+    small = np.array([(first - second) / n < LEAST_COUPLING for first, second, n in moments])
+    found = drawn_drifts(scenario, bodies)
+    sines, any_rates = (
+        np.array([abs(one.drift) > getattr(one, limit) for one in found]) & ~small
+        for limit in ("balanced", "most_balanced")
+    )
+    return Limits(small, sines, any_rates)
 
 
 def row(member: FamilyMember, cases: int, seed: int, engine: NativeEngine) -> dict:
@@ -110,7 +102,7 @@ def row(member: FamilyMember, cases: int, seed: int, engine: NativeEngine) -> di
     settled = {name: np.isfinite(found["settling_time"]) for name, found in values.items()}
     best = max(settled, key=lambda name: settled[name].sum())
     (scenario, study), found = flown[best], values[best]
-    small, drifts = beyond_any_law(scenario, study)
+    small, drifts, beyond_any_rate = beyond_any_law(scenario, study)
     counted = ~(small | drifts)
     failed = counted & ~settled[best]
     turned = (np.linalg.norm(found["w"], axis=1) > SETTLED_W) | (abs(found["z"]) > SETTLED_TURN)
@@ -129,6 +121,7 @@ def row(member: FamilyMember, cases: int, seed: int, engine: NativeEngine) -> di
         "c_below_settled": int((small & settled[best]).sum()),
         "drifts": int(drifts.sum()),
         "drifts_settled": int((drifts & settled[best]).sum()),
+        "beyond_any_rate": int(beyond_any_rate.sum()),
         "ends_turned": int((failed & turned).sum()),
         "ends_otherwise": int((failed & ~turned).sum()),
         "processor_s": time.process_time() - begin,

@@ -152,6 +152,11 @@ class RestDrift(NamedTuple):
         """Largest drift against which the laws can hold an attitude within the tolerances."""
         return self.attitude + self.oscillation
 
+    @property
+    def most_balanced(self) -> float:
+        """Largest drift that attitudes and any periodic rates balance: square waves give c ω²/2."""
+        return self.attitude + 2 * self.oscillation
+
 
 def rest_drift(
     inertia: Float[np.ndarray, "3 3"],

@@ -205,7 +205,7 @@ def _reaches_left(loop: AbstractLoop, failures: Mapping[str, np.ndarray]) -> lis
     last = [one for one in loop.plant.effectors if one.failures is not None][-1:]
     for one in loop.plant.effectors:
         if one.failures is None:
-            reaches.append(_Reaches.of(_at_rest(one, jnp.zeros(0, bool)), cases))
+            reaches.append(_Reaches.of(reach_at_rest(one, jnp.zeros(0, bool)), cases))
         else:
             count = None if one is last[0] else one.failures.count
             own = {name: x[:, :count] for name, x in failures.items()}
@@ -215,7 +215,8 @@ def _reaches_left(loop: AbstractLoop, failures: Mapping[str, np.ndarray]) -> lis
     return reaches
 
 
-def _at_rest(one: AbstractEffector, hit: Bool[Array, " f"]) -> Reach:
+def reach_at_rest(one: AbstractEffector, hit: Bool[Array, " f"]) -> Reach:
+    """Return the reach of an effector at rest in the target attitude, after the failures `hit`."""
     zero, level = jnp.zeros(()), Quaternion(jnp.array([1.0, 0.0, 0.0, 0.0]))
     return one.reach(zero, PlantState(level, jnp.zeros(3)), one.init(), hit, zero)
 
@@ -232,7 +233,7 @@ def _in_cases(one: AbstractEffector, before: int, failures: Mapping[str, np.ndar
     def reach(case, _):
         number, at, kind, amount = case
         events = dataclasses.replace(one.failures, number=number, at=at, kind=kind, amount=amount)
-        return _at_rest(eqx.tree_at(lambda x: x.failures, one, events), kind >= 0)
+        return reach_at_rest(eqx.tree_at(lambda x: x.failures, one, events), kind >= 0)
 
     at = np.where(mine, failures["failure_time"], np.inf)
     columns = (1.0 * place, at, 1.0 * kinds, np.nan_to_num(failures["failure_amount"]))

@@ -50,11 +50,12 @@ def default_duration(scenario: Scenario, verdict: VehicleVerdict, scale: Scale) 
     low orbit it does not help: an attitude that balances a large drift is lost again in time.
     """
     alike = horizon(equivalent_limit(scale.moments, scale.torque))
-    two = verdict.judgement.laws == "two torques" and not scenario.wheel
-    if not two or not holds_last(scenario):
+    if verdict.judgement.laws != "two torques" or scenario.wheel:
         return alike
     c = dimensionless_numbers(scenario)["coupling"]
-    return alike * max(1.0, REFERENCE_COUPLING / max(c, LEAST_COUPLING))
+    if c >= REFERENCE_COUPLING or not holds_last(scenario):
+        return alike
+    return alike * REFERENCE_COUPLING / max(c, LEAST_COUPLING)
 
 
 def completed(
@@ -82,8 +83,10 @@ def completed(
         data["dispersion"] = tables
         words = "; ".join(_dispersion_words(tables))
         assumptions.append(f"dispersions at the level hard: {words}")
+    if timed and has_dispersions:
+        return Completion(Scenario.model_validate(data), tuple(assumptions))
     default = default_duration(Scenario.model_validate(data), verdict, scale)
-    if not timed or (not has_dispersions and scenario.simulation.duration_s < default):
+    if not timed or scenario.simulation.duration_s < default:
         table = data["simulation"]
         table["duration_s"] = math.ceil(default / table["save_every_s"]) * table["save_every_s"]
         assumptions.insert(0, f"duration of a case {table['duration_s']:g} s")

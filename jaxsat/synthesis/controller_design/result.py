@@ -6,14 +6,11 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from jaxsat.scenario import Scenario
-from jaxsat.scenario.domain import domain_cautions
-from jaxsat.scenario.flexibility import flexibility_cautions
 from jaxsat.studies.statistics import Interval, fraction_text
 from jaxsat.studies.summary import Summary
 from jaxsat.synthesis.comparison.verdict import ComparisonRow, ComparisonVerdict
 from jaxsat.synthesis.controller_design.candidates import Candidate
 from jaxsat.synthesis.controller_design.explanation import Remedy, Separation
-from jaxsat.synthesis.controller_design.lost_holds import lost_holds
 from jaxsat.synthesis.controller_design.request import ALL, QUICK, DesignSettings
 from jaxsat.synthesis.controller_design.tuning import Tuned
 from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict
@@ -77,7 +74,8 @@ class ControllerDesign:
 
     `outcome` is "reached" where at least the required fraction of the verification settles,
     `proven` whether the whole interval is above it. `scenario` is the designed one, None where
-    there is nothing to design; `left_out` has the laws that do not fit, with reasons.
+    there is nothing to design; `left_out` has the laws that do not fit, with reasons, and
+    `cautions` the `design_cautions`.
     """
 
     original: Scenario
@@ -86,6 +84,7 @@ class ControllerDesign:
     assumed: tuple[str, ...]
     candidates: tuple[Candidate, ...]
     left_out: tuple[str, ...]
+    cautions: tuple[str, ...] = ()
     chosen: Candidate | None = None
     screening: Step | None = None
     tuned: Tuned | None = None
@@ -108,26 +107,6 @@ class ControllerDesign:
             "`jaxsat design --attitude nearest` takes the nearest attitude that can be held, "
             f"{turn:.3g} rad away."
         )
-
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """Sentences on vehicle parameters outside the verified domain, and on flexible parts that
-        laws may excite."""
-        beyond = (
-            f"{'.'.join(map(str, issue.location))} {issue.message}"
-            for one in self.candidates
-            for issue in (*domain_cautions(one.scenario), *flexibility_cautions(one.scenario))
-        )
-        return (*self._lost_holds, *beyond)
-
-    @property
-    def _lost_holds(self) -> tuple[str, ...]:
-        """Sentences on errors of the body that leave cases unsettled under any law."""
-        judgement = self.verdict.judgement
-        if judgement.laws != "two torques" or self.original.wheel or not self.candidates:
-            return ()
-        sentence = lost_holds(self.candidates[0].scenario)
-        return (sentence,) if sentence else ()
 
     @property
     def scenario(self) -> Scenario | None:

@@ -19,6 +19,7 @@ from jaxsat.synthesis.controller_design.candidates import (
     with_larger_end_game,
     written_out,
 )
+from jaxsat.synthesis.controller_design.cautions import design_cautions
 from jaxsat.synthesis.controller_design.completion import completed
 from jaxsat.synthesis.controller_design.explanation import MOST_FLOWN, Remedy, remedies, separations
 from jaxsat.synthesis.controller_design.request import DesignSettings
@@ -61,7 +62,13 @@ class DesignRun:
         scenario = self._target_scenario(verdict)
         fitting, assumptions = self._candidates(scenario, verdict)
         design = ControllerDesign(
-            self.original, self.settings, verdict, assumptions, fitting.candidates, fitting.left_out
+            self.original,
+            self.settings,
+            verdict,
+            assumptions,
+            fitting.candidates,
+            fitting.left_out,
+            design_cautions(self.original, verdict, fitting.candidates),
         )
         for caution in filter(None, (design.misses_attitude, *design.cautions)):
             self.studies.listener.warn(caution)
