@@ -110,6 +110,21 @@ def _text_size(text: str, font: FontProperties, ismath: Any) -> tuple[float, flo
     return _OUTLINES.get_text_width_height_descent(text, font, ismath)
 
 
+def _by_each(name: str, *transformations: int) -> Any:
+    """Return the method `name`, which each renderer performs in its own units.
+
+    The arguments at the places `transformations`, counted after the graphics context, lead to
+    pixels.
+    """
+
+    def draw(self, gc, *arguments, **more) -> None:
+        for renderer, own, unit in self._each(gc):
+            places = [x + unit if i in transformations else x for i, x in enumerate(arguments)]
+            getattr(renderer, name)(own, *places, **more)
+
+    return draw
+
+
 class _PngAndSvgRenderer(RendererBase):
     """Renderer that draws to two others: in pixels for PNG, and in points for SVG.
 
@@ -154,38 +169,11 @@ class _PngAndSvgRenderer(RendererBase):
             context.set_clip_path(TransformedPath(path, transform + self._points))
         return context
 
-    def draw_path(self, gc, path, transform, rgbFace=None) -> None:
-        """Draw a path."""
-        for renderer, own, unit in self._each(gc):
-            renderer.draw_path(own, path, transform + unit, rgbFace)
-
-    def draw_markers(self, gc, marker_path, marker_trans, path, trans, rgbFace=None) -> None:
-        """Draw a marker at each point of a path."""
-        for renderer, own, unit in self._each(gc):
-            renderer.draw_markers(
-                own, marker_path, marker_trans + unit, path, trans + unit, rgbFace
-            )
-
-    def draw_path_collection(
-        self, gc, master_transform, paths, all_transforms, offsets, offset_trans, *looks, **more
-    ) -> None:
-        """Draw many paths, each with its own style."""
-        for renderer, own, unit in self._each(gc):
-            places = (paths, all_transforms, offsets, offset_trans + unit)
-            renderer.draw_path_collection(own, master_transform + unit, *places, *looks, **more)
-
-    def draw_quad_mesh(
-        self, gc, master_transform, width, height, corners, offsets, offset_trans, *looks, **more
-    ) -> None:
-        """Draw a mesh of quadrilaterals."""
-        for renderer, own, unit in self._each(gc):
-            places = (width, height, corners, offsets, offset_trans + unit)
-            renderer.draw_quad_mesh(own, master_transform + unit, *places, *looks, **more)
-
-    def draw_gouraud_triangles(self, gc, triangles_array, colors_array, transform) -> None:
-        """Draw triangles with colours interpolated between corners."""
-        for renderer, own, unit in self._each(gc):
-            renderer.draw_gouraud_triangles(own, triangles_array, colors_array, transform + unit)
+    draw_path = _by_each("draw_path", 1)
+    draw_markers = _by_each("draw_markers", 1, 3)
+    draw_path_collection = _by_each("draw_path_collection", 0, 4)
+    draw_quad_mesh = _by_each("draw_quad_mesh", 0, 5)
+    draw_gouraud_triangles = _by_each("draw_gouraud_triangles", 2)
 
     def draw_image(self, gc, x, y, im, transform=None) -> None:
         """Draw an image of pixels, whose lower left corner is at x and y."""
