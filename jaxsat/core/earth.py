@@ -18,9 +18,7 @@ MAX_ECCENTRICITY = 0.9
 def circular_orbit_rate(altitude: float) -> float:
     """Return the two-body rate ω0 of a circular orbit around the Earth, rad/s; `altitude` in m."""
     if not altitude > -EARTH_RADIUS:
-        raise ValueError(
-            f"Argument `altitude` must be above the Earth's centre, but got {altitude}."
-        )
+        raise ArgumentError("altitude", "must be above the Earth's centre", altitude)
     return math.sqrt(EARTH_GRAVITY / (EARTH_RADIUS + altitude) ** 3)
 
 

@@ -1,12 +1,12 @@
 """trace.csv: the Python origin of each function of controller.c."""
 
-import csv
-import io
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import jaxsat
 from jaxsat.compiler.c.naming import line_of
+from jaxsat.core.text import csv_text
 from jaxsat.flight.program import FlightProgram
 
 COLUMNS = ("function", "line", "part_of", "python_function", "python_file", "python_line")
@@ -21,9 +21,7 @@ def trace_table(program: FlightProgram, code: str) -> str:
     function of the whole. The interface, elementary functions and operations on numbers and arrays
     have none.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    rows: list[Sequence[object]] = [COLUMNS]
     for match in _HEAD.finditer(code):
         name, line = match[1], code.count("\n", 0, match.start()) + 1
         whole = program.wholes.get(name, "")
@@ -31,9 +29,9 @@ def trace_table(program: FlightProgram, code: str) -> str:
             (one.name, _short(one.file), line_of(one.file, one.name))
             for one in program.origins.get(whole or name, ())
         }
-        for place in sorted(places, key=str) or [("", "", None)]:
-            writer.writerow([name, line, whole, *place])
-    return text.getvalue()
+        here = sorted(places, key=str) or [("", "", None)]
+        rows += [(name, line, whole, *place) for place in here]
+    return csv_text(rows)
 
 
 def _short(file: str) -> str:

@@ -16,6 +16,7 @@ from jaxsat.control.navigation.navigation import Navigation, NavigationState, To
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.array_types import IntScalar, RealScalar, Vector
 from jaxsat.core.checks import as_optional_float, concrete, require_counts, require_positive
+from jaxsat.core.errors import ArgumentError
 from jaxsat.simulation.divided_holds import through_hold
 from jaxsat.simulation.loops import AbstractLoop, plant_signals
 from jaxsat.simulation.trajectory import Signals
@@ -82,9 +83,7 @@ class SampledLoop(AbstractLoop):
         gyro = None if self.navigation is None else self.navigation.gyro
         for name, one in (("gyro", gyro), ("tachometer", self.tachometers)):
             if self.guard is None and one is not None and one.outage is not None:
-                raise ValueError(
-                    f"Argument `guard` must be given with a {name} that has an outage."
-                )
+                raise ArgumentError("guard", f"must be given with a {name} that has an outage")
         if self.sensors is not None and self.navigation is not None:
             raise ValueError("Arguments `sensors` and `navigation` must not both be given.")
         if self.delay is None:
@@ -92,9 +91,7 @@ class SampledLoop(AbstractLoop):
         require_positive("delay", self.delay, zero_allowed=True)
         delay, period = concrete(self.delay), concrete(self.controller.period)
         if delay is not None and period is not None and not delay <= period:
-            raise ValueError(
-                f"Argument `delay` must not exceed the period {period} s, but got {delay} s."
-            )
+            raise ArgumentError("delay", f"must not exceed the period {period} s", f"{delay} s")
 
     @property
     def tells_unmade(self) -> bool:

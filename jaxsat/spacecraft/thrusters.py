@@ -11,6 +11,7 @@ from jaxtyping import Array, ArrayLike, Float
 from jaxsat.core.allocation import NORMALISER_FLOOR
 from jaxsat.core.array_types import Pair, RealScalar, Vector
 from jaxsat.core.checks import as_float, as_optional_float, concrete, finite, require_positive
+from jaxsat.core.errors import ArgumentError
 from jaxsat.core.ranges import CHANGE_OF_TORQUE, MISALIGNMENT
 from jaxsat.spacecraft.axes import turned_axes, unit_axes
 from jaxsat.spacecraft.dispersible import Dispersible, Limits
@@ -58,9 +59,7 @@ class Thrusters(eqx.Module):
         """Return the thrusters that remain after those numbered `failed` (from 1) have failed."""
         unknown = sorted(set(failed) - set(range(1, self.count + 1)))
         if unknown:
-            raise ValueError(
-                f"Argument `failed` must name thrusters from 1 to {self.count}, but got {unknown}."
-            )
+            raise ArgumentError("failed", f"must name thrusters from 1 to {self.count}", unknown)
         working = [j for j in range(self.count) if j + 1 not in failed]
         concrete_axes = concrete(self.torque_axes)
         axes = self.torque_axes if concrete_axes is None else concrete_axes

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from jaxsat.core.errors import ArgumentError
 from jaxsat.core.once import latest
 from jaxsat.core.text import number_text
 
@@ -65,9 +66,7 @@ class StopRule(AbstractStopRule):
 
     def __post_init__(self):
         if not 0 < self.half_width < 1:
-            raise ValueError(
-                f"Argument `half_width` must be between 0 and 1, but got {self.half_width}."
-            )
+            raise ArgumentError("half_width", "must be between 0 and 1", self.half_width)
 
     def met(self, successes: int, count: int) -> bool:
         """Whether the interval is narrow enough."""

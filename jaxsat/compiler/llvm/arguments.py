@@ -16,6 +16,7 @@ from jaxtyping import PyTree
 
 from jaxsat.compiler.llvm.emitter import ALIGNMENT
 from jaxsat.compiler.lowering import KINDS, number_type, numbers_in
+from jaxsat.core.errors import ArgumentError
 
 LARGEST = 8
 """Bytes of the largest number that machine code supports."""
@@ -44,9 +45,7 @@ class Argument:
     def _require_shape(self, shape: tuple[int, ...]) -> None:
         if shape[self.per_case :] != self.shape or (self.per_case and not shape):
             axes = ", ".join(["cases"] * self.per_case + [str(n) for n in self.shape])
-            raise ValueError(
-                f"Argument `{self.name}` must have the shape ({axes}), but got {shape}."
-            )
+            raise ArgumentError(self.name, f"must have the shape ({axes})", shape)
 
     def _copied(self, x: Any) -> np.ndarray:
         source_type, dtype = getattr(x, "dtype", None), number_type(self.dtype)
@@ -63,9 +62,7 @@ class Argument:
         try:
             return np.array(array, dtype, order="C")
         except OverflowError:
-            raise ValueError(
-                f"Argument `{self.name}` must be in the range of {dtype}, but got {x}."
-            ) from None
+            raise ArgumentError(self.name, f"must be in the range of {dtype}", x) from None
 
     def _wrong_type(self, got: Any) -> TypeError:
         return TypeError(
@@ -106,9 +103,7 @@ class Arguments:
         for name, structure in self.structures.items():
             got = jax.tree.structure(trees[name])
             if got != structure:
-                raise ValueError(
-                    f"Argument `{name}` must be a tree of the structure {structure}, but got {got}."
-                )
+                raise ArgumentError(name, f"must be a tree of the structure {structure}", got)
             leaves += jax.tree.leaves(trees[name])
         arrays = [argument.taken(x) for argument, x in zip(self.leaves, leaves, strict=True)]
         counts = [
@@ -121,10 +116,7 @@ class Arguments:
         first, count = counts[0]
         for name, number in counts:
             if number != count:
-                raise ValueError(
-                    f"Argument `{name}` must have {count} cases, as `{first}` has, "
-                    f"but got {number}."
-                )
+                raise ArgumentError(name, f"must have {count} cases, as `{first}` has", number)
         return arrays, count
 
 

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from jaxsat.core.array_types import BoolScalar, RealScalar
 from jaxsat.core.checks import as_float, positive, require_counts
+from jaxsat.core.errors import ArgumentError
 from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.simulation.engine.progress import RunningCost
@@ -60,9 +61,7 @@ class Program(eqx.Module):
 
     def __check_init__(self):
         if self.error_every < 0:
-            raise ValueError(
-                f"Argument `error_every` must not be negative, but got {self.error_every}."
-            )
+            raise ArgumentError("error_every", "must not be negative", self.error_every)
         require_counts(intervals=self.intervals)
 
     def instants(self, every: int = 1) -> np.ndarray:
@@ -128,8 +127,7 @@ def program_of(
         interval = float(np.asarray(loop.controller.period))
     count = round(duration / interval)
     if count < 1 or abs(count * interval - duration) > 1e-6 * interval:
-        raise ValueError(
-            f"Argument `duration` must be a whole number of intervals of {interval} s, "
-            f"but got {duration} s."
+        raise ArgumentError(
+            "duration", f"must be a whole number of intervals of {interval} s", f"{duration} s"
         )
     return Program(case_factory, interval, count, tolerances or Tolerances(), cost or RunningCost())

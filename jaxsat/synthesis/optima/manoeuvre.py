@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from jaxsat.core.errors import ArgumentError
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
@@ -59,9 +60,7 @@ class Manoeuvre:
 
     def __post_init__(self):
         if not 0 < self.limit < math.inf:
-            raise ValueError(
-                f"Argument `limit` must be positive and finite, but got {self.limit} N m."
-            )
+            raise ArgumentError("limit", "must be positive and finite", f"{self.limit} N m")
         if self.torque_axes.shape[1] < 1:
             raise ValueError("Argument `torque_axes` must have at least one thruster.")
 

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from jaxsat.core.errors import ArgumentError
 from jaxsat.synthesis.optima.manoeuvre import Manoeuvre
 
 SHORTEST = 1e-3
@@ -59,13 +60,10 @@ class BoundTranscription:
     def __post_init__(self):
         for name in ("intervals", "substeps", "iterations"):
             if not getattr(self, name) > 0:
-                raise ValueError(
-                    f"Argument `{name}` must be positive, but got {getattr(self, name)}."
-                )
+                raise ArgumentError(name, "must be positive", getattr(self, name))
         if not self.shortest <= self.longest < np.inf:
-            raise ValueError(
-                f"Argument `longest` must be finite and at least {self.shortest:.3g} s, "
-                f"but got {self.longest}."
+            raise ArgumentError(
+                "longest", f"must be finite and at least {self.shortest:.3g} s", self.longest
             )
 
     @property
