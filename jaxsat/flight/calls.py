@@ -4,6 +4,7 @@ A row has the index of the entry point, parameters, the first attitude if there 
 input and state; expected are outputs (zero where the entry point has none), then state.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -156,13 +157,17 @@ def trees_of(program: FlightProgram, inputs: np.ndarray, states: np.ndarray) -> 
     return now, state._replace(begin_sample=begin)
 
 
-def unpacked(rows: np.ndarray, like: PyTree) -> PyTree:
-    """Return rows as a tree of arrays with a leading axis."""
+def unpacked(rows: np.ndarray, like: PyTree, shape: tuple[int, ...] | None = None) -> PyTree:
+    """Return rows as a tree of arrays like these, with a leading axis before theirs.
+
+    With a `shape` the arrays have its axes already, in place of the leading one.
+    """
+    before, axes = ((len(rows),), 0) if shape is None else (shape, len(shape))
     leaves, structure = jax.tree.flatten(like)
     arrays, place = [], 0
     for leaf in leaves:
-        size = int(np.prod(leaf.shape))
-        part = rows[:, place : place + size].reshape(len(rows), *leaf.shape)
+        size = math.prod(leaf.shape[axes:])
+        part = rows[:, place : place + size].reshape(*before, *leaf.shape[axes:])
         arrays.append((part != 0) if leaf.dtype == bool else part.astype(leaf.dtype))
         place += size
     return jax.tree.unflatten(structure, arrays)

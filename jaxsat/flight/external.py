@@ -23,9 +23,11 @@ from jaxsat.core.array_types import IntScalar, RealScalar
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.errors import LibraryError
 from jaxsat.core.once import once
+from jaxsat.flight.calls import unpacked
 from jaxsat.flight.flight import CannotExport, FlightController, Measured, Seen
 from jaxsat.flight.harness import ABI
 from jaxsat.flight.program import FlightProgram, flight_program, is_parameter
+from jaxsat.flight.vectors import rows_of, with_law
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
@@ -122,11 +124,7 @@ def _sha256(content: bytes) -> str:
 def with_library(loop: SampledLoop, library: Library) -> SampledLoop:
     """Return the loop with the library in place of its law and any estimator."""
     law = ExternalLaw(law=loop.controller, period=loop.controller.period, library=library)
-    loop = eqx.tree_at(lambda x: x.controller, loop, law)
-    if loop.navigation is None:
-        return loop
-    estimator = ExternalEstimator(estimator=loop.navigation.estimator, library=library)
-    return eqx.tree_at(lambda x: x.navigation.estimator, loop, estimator)
+    return with_law(loop, law, lambda one: ExternalEstimator(estimator=one, library=library))
 
 
 class ExternalLaw(AbstractSampledController):
@@ -210,7 +208,7 @@ class _Call:
         count = max(1, sample.size)
         structs = program.structs
         rows = [self._parameters(part, arrays, count)]
-        input_rows = _rows((sample, inputs), count)
+        input_rows = rows_of((sample, inputs), count)
         if controls and program.estimates:
             empty = np.zeros((count, structs["input"].size - 1))
             rows += [input_rows[:, :1], empty, input_rows[:, 1:]]
@@ -218,7 +216,7 @@ class _Call:
             rows.append(input_rows)
         before = np.zeros((count, structs["state"].size))
         place = _places(program, part)
-        before[:, place] = _rows(memory, count)
+        before[:, place] = rows_of(memory, count)
         rows.append(before)
         out = structs["output"] if controls else structs["seen"]
         output_rows, after = self.library.run(self.stage, rows, out)
@@ -228,8 +226,8 @@ class _Call:
             outputs = outputs.astype(jax.dtypes.canonicalize_dtype(float))
         else:
             like = Seen(Quaternion(inputs.attitude), inputs.rate, inputs.wheel_momentum)
-            outputs = _unpack(output_rows, like, sample.shape)
-        return outputs, _unpack(after[:, place], memory, sample.shape)
+            outputs = unpacked(output_rows, like, sample.shape)
+        return outputs, unpacked(after[:, place], memory, sample.shape)
 
     def _parameters(self, part: str, arrays: PyTree, count: int) -> np.ndarray:
         """Return the case's own arrays, and the scenario's for all others."""
@@ -247,12 +245,6 @@ class _Call:
         return np.concatenate(columns, axis=1) if columns else np.zeros((count, 0))
 
 
-def _rows(tree: PyTree, count: int) -> np.ndarray:
-    leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(tree) if np.size(leaf)]
-    leaves = [leaf.astype(float).reshape(count, -1) for leaf in leaves]
-    return np.concatenate(leaves, axis=1) if leaves else np.zeros((count, 0))
-
-
 def _places(program: FlightProgram, part: str) -> np.ndarray:
     """Return the indices of a part's numbers in a state."""
     places, place = [], 0
@@ -261,16 +253,3 @@ def _places(program: FlightProgram, part: str) -> np.ndarray:
             places += range(place, place + field.size)
         place += field.size
     return np.array(places, int)
-
-
-def _unpack(rows: np.ndarray, like: PyTree, shape: tuple[int, ...]) -> PyTree:
-    """Return rows as a tree whose leaves have these leading axes already."""
-    leaves, structure = jax.tree.flatten(like)
-    arrays, place = [], 0
-    for leaf in leaves:
-        leaf = np.asarray(leaf)
-        size = int(np.prod(leaf.shape[len(shape) :]))
-        part = rows[:, place : place + size].reshape(leaf.shape)
-        arrays.append((part != 0) if leaf.dtype == bool else part.astype(leaf.dtype))
-        place += size
-    return jax.tree.unflatten(structure, arrays)

@@ -171,19 +171,31 @@ def _type(array: Any, single: bool) -> np.dtype:
     return np.dtype(np.float32) if single and array.dtype == np.float64 else array.dtype
 
 
-def rows_of(tree: PyTree) -> Float[np.ndarray, "n numbers"]:
-    """Return the arrays of a tree, which share their leading axis, as rows of doubles."""
+def rows_of(tree: PyTree, count: int | None = None) -> Float[np.ndarray, "n numbers"]:
+    """Return the arrays of a tree, which share their leading axis, as rows of doubles.
+
+    With a `count` of rows they share any axes of so many elements.
+    """
     leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(tree) if np.size(leaf)]
-    return np.concatenate([leaf.reshape(len(leaf), -1).astype(float) for leaf in leaves], axis=1)
+    parts = [leaf.reshape(count or len(leaf), -1).astype(float) for leaf in leaves]
+    return np.concatenate(parts, axis=1) if parts else np.zeros((count or 0, 0))
+
+
+def with_law(
+    loop: SampledLoop,
+    law: AbstractSampledController,
+    estimator: Callable[[AbstractEstimator], AbstractEstimator],
+) -> SampledLoop:
+    """Return the loop with another law, and with another estimator in place of any."""
+    loop = eqx.tree_at(lambda x: x.controller, loop, law)
+    if loop.navigation is None:
+        return loop
+    return eqx.tree_at(lambda x: x.navigation.estimator, loop, estimator(loop.navigation.estimator))
 
 
 def _recording(loop: SampledLoop) -> SampledLoop:
     law = _RecordingLaw(law=loop.controller, period=loop.controller.period)
-    loop = eqx.tree_at(lambda x: x.controller, loop, law)
-    if loop.navigation is None:
-        return loop
-    estimator = _RecordingEstimator(loop.navigation.estimator)
-    return eqx.tree_at(lambda x: x.navigation.estimator, loop, estimator)
+    return with_law(loop, law, _RecordingEstimator)
 
 
 def _closed_loops(
