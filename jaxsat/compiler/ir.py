@@ -7,8 +7,8 @@ which loops, switches and calls hold blocks of their own. `interpreter` runs it 
 prints it as LLVM code.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import chain, count
 from typing import Any
 
@@ -51,6 +51,12 @@ class NamedNumber(np.int32):
 
     name: str
 
+    @staticmethod
+    def of(x: np.generic, names: Mapping[int, str]) -> np.generic:
+        """Return a number of 32 bits with its name, or another one as it is."""
+        name = names.get(int(x)) if names and x.dtype == np.int32 else None
+        return x if name is None else NamedNumber(int(x), name)
+
     def __new__(cls, number: int, name: str) -> "NamedNumber":
         """Return the number with a name."""
         one = super().__new__(cls, number)
@@ -61,11 +67,12 @@ class NamedNumber(np.int32):
 class Memory:
     """Array of `size` scalars, element after element, each with all its lanes unless uniform.
 
-    With `initial` it is a constant array of these numbers; with `elements` it is an array of
-    existing values: all of them, or the first of an array from outside.
+    With `initial` it is a constant array of these numbers, which have `names` for printers; with
+    `elements` it is an array of existing values: all of them, or the first of an array from
+    outside.
     """
 
-    __slots__ = ("dtype", "elements", "initial", "number", "size", "uniform")
+    __slots__ = ("dtype", "elements", "initial", "names", "number", "size", "uniform")
 
     def __init__(
         self, dtype: np.dtype, size: int, uniform: bool, initial: np.ndarray | None = None
@@ -73,6 +80,7 @@ class Memory:
         self.dtype, self.size, self.uniform, self.initial = dtype, size, uniform, initial
         self.number = next(_numbers)
         self.elements: Sequence[Scalar] = ()
+        self.names: Mapping[int, str] = {}
 
     def __repr__(self) -> str:
         return f"m{self.number}[{self.size}]"
@@ -154,7 +162,8 @@ class Loop:
 class BlockSwitch:
     """Execution of the block of number `index` (uniform, in range); `yields` are block results.
 
-    `cold`: blocks after the first hardly ever run.
+    `cold`: blocks after the first hardly ever run. `names` are names of numbers of blocks for
+    printers.
     """
 
     index: Scalar
@@ -162,6 +171,7 @@ class BlockSwitch:
     yields: list[list[Scalar]]
     outs: list[Value]
     cold: bool = False
+    names: Mapping[int, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -185,7 +185,7 @@ class FaultTolerant(AbstractSampledController):
             return None
         settled, flows = left.three | jnp.any(axis + undriven != 0), jnp.array(False)
         for one, now in left.kinds:
-            settled, flows = settled | one.alone(now)[0], flows | one.flows(now)
+            settled, flows = settled | one.alone(now), flows | one.flows(now)
         each = (one.wheeled(now) for one, now in left.kinds)
         wheeled = next((one for one in each if one is not None), None)
         return self.magnetic.act(sample, ~settled, flows, wheeled, before)
@@ -204,7 +204,7 @@ class FaultTolerant(AbstractSampledController):
         overloaded = self.rods.overloaded(sample, normal, excess, coasting, before)
         holds = self.rods.holds(model.spacecraft.inertia, normal) & ~overloaded
         axis = jnp.where(holds, normal, 0.0)
-        others = [one.alone(now)[0] for one, now in kinds if one.wheeled(now) is None]
+        others = [one.alone(now) for one, now in kinds if one.wheeled(now) is None]
         undriven = jnp.where(jnp.any(jnp.stack([jnp.array(False), *others])), 0.0, normal - axis)
         rods = before._replace(overloaded=overloaded)
         return _Left(kinds, three, axis, undriven, excess, rods)
@@ -296,7 +296,7 @@ class FaultTolerant(AbstractSampledController):
             tuple(one.reach(sample, now) for one, now in kinds),
             tuple(one.steady(now, self.period) for one, now in kinds),
             tuple(now.ability.left == Left.THREE_AXES for _, now in kinds),
-            tuple(one.alone(now)[0] for one, now in kinds),
+            tuple(one.alone(now) for one, now in kinds),
             tuple(one.stored(sample.reading) is not None for one in self.actuators),
         )
 
@@ -347,8 +347,7 @@ class FaultTolerant(AbstractSampledController):
         changed, alarmed = jnp.array(False), jnp.array(False)
         mode = jnp.array(int(LEFT["none"].modes[0]))
         for one, memory in zip(self.actuators, memories, strict=True):
-            alone, own = one.alone(memory)
-            mode = jnp.where(alone, own, mode)
+            mode = jnp.where(one.alone(memory), one.mode_alone(memory), mode)
             changed = changed | one.changed(memory)
             alarmed = alarmed | memory.diagnosis.alarmed
         if flight is not None:

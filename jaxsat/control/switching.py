@@ -125,8 +125,9 @@ class SwitchingLaw(AbstractSampledController):
         return state.omega[:2] - self._reference(state, memory.rate_law_active)
 
     def mode(self, memory: SwitchingMemory) -> IntScalar:
-        """The active `SwitchingMode`; its numbers equal those of `rate_law_active`."""
-        return memory.rate_law_active.astype(int)
+        """The active `SwitchingMode`."""
+        rate, three_axis = SwitchingMode.RATE_LAW, SwitchingMode.THREE_AXIS_LAW
+        return jnp.where(memory.rate_law_active, rate, three_axis)
 
     def _reference(self, state: PlantState, rate_law_active: BoolScalar) -> Pair:
         return jnp.where(

@@ -40,6 +40,15 @@ class TolerantMode(enum.IntEnum):
     MAGNETIC_POINTING = 13
 
 
+def tolerant_mode(mode: IntScalar, modes: type[enum.IntEnum], prefix: str = "") -> IntScalar:
+    """Return the `TolerantMode` of another law's mode: that of its name, behind the prefix."""
+    *others, last = modes
+    tolerant = jnp.array(TolerantMode[prefix + last.name])
+    for one in others:
+        tolerant = jnp.where(mode == one, TolerantMode[prefix + one.name], tolerant)
+    return tolerant
+
+
 class TolerantMemory(NamedTuple):
     """Memory of actuators of one kind: diagnosis, ability, and last command.
 
@@ -132,8 +141,12 @@ class AbstractTolerantActuators(eqx.Module):
         """Return commands that damp the rate, none of which adds energy."""
 
     @abc.abstractmethod
-    def alone(self, memory: TolerantMemory) -> tuple[BoolScalar, IntScalar]:
-        """Whether they settle alone with torques in a plane, and the `TolerantMode` of that."""
+    def alone(self, memory: TolerantMemory) -> BoolScalar:
+        """Whether they settle alone with torques in a plane."""
+
+    @abc.abstractmethod
+    def mode_alone(self, memory: TolerantMemory) -> IntScalar:
+        """Return the `TolerantMode` in which they do."""
 
     @abc.abstractmethod
     def reach(self, sample: Sample, memory: TolerantMemory) -> Reach:

@@ -13,7 +13,7 @@ from jaxsat.control.controller import LawContext, MagneticContext, UnsuitableMod
 from jaxsat.control.magnetic import MagneticLaw, MagneticMemory, MagneticMode
 from jaxsat.control.periodic_gain import PeriodicGain
 from jaxsat.control.reconfiguration import Left
-from jaxsat.control.tolerant_actuators import Sample, TolerantMode
+from jaxsat.control.tolerant_actuators import Sample, tolerant_mode
 from jaxsat.control.wheel_allocation import Wheeled
 from jaxsat.core.array_types import BoolScalar, IntScalar
 from jaxsat.core.checks import as_array
@@ -28,9 +28,6 @@ SMALLEST = 1e-30
 
 NOWHERE = -1
 """Number of the set while another law flies."""
-
-FIRST_MODE = TolerantMode.MAGNETIC_DAMPING - MagneticMode.DAMPING
-"""The `TolerantMode` of a `MagneticMode`, less that."""
 
 
 class TolerantMagneticMemory(NamedTuple):
@@ -56,7 +53,7 @@ class MagneticFlight(NamedTuple):
     @property
     def mode(self) -> IntScalar:
         """The `TolerantMode`."""
-        return FIRST_MODE + self.memory.own.mode
+        return tolerant_mode(self.memory.own.mode, MagneticMode, "MAGNETIC_")
 
 
 class TolerantMagnetic(eqx.Module):

@@ -21,6 +21,7 @@ from jaxsat.control.tolerant_actuators import (
     Sample,
     TolerantMemory,
     TolerantMode,
+    tolerant_mode,
 )
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.checks import as_float
@@ -45,8 +46,6 @@ thruster then costs 19 times its propellant, the cheapest a nineteenth."""
 
 LITTLE = 0.02
 """Momentum below which that weight fades, over the largest momentum of a wheel."""
-
-FIRST_PHASE = TolerantMode.STOPPING - Phase.STOPPING
 
 
 class ThrusterLawMemory(NamedTuple):
@@ -175,8 +174,7 @@ class TolerantThrusters(AbstractTolerantActuators):
         """Return the duty of each thruster."""
         thrusters, period, three = self.filter.thrusters, sample.law.period, demand.three
         limit, own = now.ability.limit, before.own
-        plane, _ = self.alone(now)
-        plane = plane & ~three
+        plane = self.alone(now) & ~three
         holds = three | plane
         torque, steady, settling, leaking = self._in_plane(sample.state, demand, plane, before, now)
         owed = jnp.where(three, own.owed, 0.0)
@@ -264,13 +262,18 @@ class TolerantThrusters(AbstractTolerantActuators):
         duty = jnp.clip(opposing + pull * inertia * above / size, 0.0, 1.0)
         return jnp.where(memory.ability.limit > 0, duty, 0.0)
 
-    def alone(self, memory: TolerantMemory) -> tuple[BoolScalar, IntScalar]:
-        """Whether the law of three slews flies, and its phase."""
+    def alone(self, memory: TolerantMemory) -> BoolScalar:
+        """Whether the law of three slews flies."""
+        if self.settling is None:
+            return jnp.array(False)
+        return memory.ability.left == Left.PLANE
+
+    def mode_alone(self, memory: TolerantMemory) -> IntScalar:
+        """Return the phase of the law of three slews."""
         settling = memory.own.settling
         if self.settling is None or settling is None:
-            return jnp.array(False), jnp.array(int(TolerantMode.DAMPING))
-        plane = memory.ability.left == Left.PLANE
-        return plane, FIRST_PHASE + self.settling.laws.mode(settling)
+            return jnp.array(int(TolerantMode.DAMPING))
+        return tolerant_mode(self.settling.laws.mode(settling), Phase)
 
 
 def in_turn(diagnosis: DiagnosisMemory, period: RealScalar) -> Bool[Array, " m"]:

@@ -201,8 +201,7 @@ class TolerantWheels(AbstractTolerantActuators):
     ) -> tuple[OfEach, TolerantMemory]:
         """Return the torque of each wheel on the body, N m."""
         momentum, wheeled, law = cast(OfEach, sample.reading.momentum), now.ability, sample.law
-        by_two, _ = self.alone(now)
-        by_two = by_two & ~demand.three
+        by_two = self.alone(now) & ~demand.three
         plane = (wheeled.left == Left.PLANE) & ~demand.three
         torque = jnp.where(plane, self._by_two(sample, wheeled, now.own), demand.torque)
         unloading = UNLOADING * law.natural_frequency
@@ -288,12 +287,14 @@ class TolerantWheels(AbstractTolerantActuators):
         pull = 2 * law.damping * law.natural_frequency
         return jnp.clip(-pull * inertia * (axes.T @ sample.state.omega), -usable, usable)
 
-    def alone(self, memory: TolerantMemory) -> tuple[BoolScalar, IntScalar]:
+    def alone(self, memory: TolerantMemory) -> BoolScalar:
         """Whether two wheels settle: there is an attitude at which they leave no rate."""
-        can = (memory.ability.left == Left.PLANE) & memory.own.can
+        return (memory.ability.left == Left.PLANE) & memory.own.can
+
+    def mode_alone(self, memory: TolerantMemory) -> IntScalar:
+        """Return the mode of two wheels: at the target, or at the attitude nearest to it."""
         (target,), (nearest,) = LEFT["two wheels"].modes, LEFT["nearest attitude"].modes
-        mode = jnp.where(memory.own.near, int(target), int(nearest))
-        return can, mode
+        return jnp.where(memory.own.near, int(target), int(nearest))
 
     def _pulses(self, sample: Sample, memory: TolerantMemory) -> tuple[OfEach, RealScalar]:
         """Return test torques (N m) of alternating sign, and the time since the last one (s).

@@ -130,6 +130,23 @@ class FlightController(eqx.Module):
             )
         return FlightController(*parts, navigation.estimator, navigation.attitude_sigma)
 
+    def sample(self, now: Input, state: State) -> tuple[SampleCommands, State]:
+        """Return the commands of a sample, counted from the first on, and the state after it."""
+        law_input, memory = now.measured, state.estimator
+        if self.estimator is not None:
+            law_input, memory = self.estimate(now, memory)
+        command, mode, law = self.control(now.sample, law_input, state.law)
+        commands, modulation = self.allocate(law_input, command, state.modulation)
+        return SampleCommands(command, mode, **commands), State(law, memory, modulation)
+
+    def begin(self, attitude: Array, now: Input) -> State:
+        """Return the state before the first sample, of which `now` is the input."""
+        memory, law_input = None, now.measured
+        if self.estimator is not None:
+            memory = self.begin_estimator(attitude)
+            law_input = self.estimate(now, memory)[0]
+        return State(self.begin_law(law_input), memory, self.begin_modulation())
+
     def estimate(self, now: Input, memory: PyTree) -> tuple[Seen, PyTree]:
         """Return the input of the law, and the estimator's memory."""
         assert self.estimator is not None

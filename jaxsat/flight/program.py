@@ -1,9 +1,8 @@
 """A flight controller as scalar programs: its stages, and their structures."""
 
-import enum
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import equinox as eqx
@@ -12,10 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.compiler.c.layout import Field, Struct, about, fields_of, parameter_fields
-from jaxsat.compiler.c.naming import Names, identifier
+from jaxsat.compiler.c.naming import Names
 from jaxsat.compiler.ir import Function, Source, Value, uses
-from jaxsat.compiler.passes.enumerations import name_numbers
-from jaxsat.compiler.passes.narrowing import MOST, Ports, narrow
+from jaxsat.compiler.passes.narrowing import Ports
 from jaxsat.compiler.scalar_program import ScalarProgram, scalar_program
 from jaxsat.core.fingerprint import fingerprint
 from jaxsat.flight.flight import (
@@ -27,6 +25,7 @@ from jaxsat.flight.flight import (
     State,
     as_type,
 )
+from jaxsat.flight.whole_numbers import Macros, named, narrowed
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.wheels import wheel_momentum
 
@@ -40,9 +39,6 @@ STRUCTURES = {
     "out": "output",
 }
 """Structures by pointer."""
-
-MEANINGS = frozenset(("default", "input", "output", "state", "status"))
-"""Words after CONTROLLER_ in macros of the interface."""
 
 LARGEST = 8192
 """Largest number of elements of a parameter."""
@@ -62,6 +58,16 @@ class ProgramStage:
     program: ScalarProgram
     inputs: list[str]
     outputs: list[str]
+
+    def ports(self) -> Ports:
+        """Return the function, whose parameters and results are fields such as "state.law_leg"."""
+
+        def key(text: str) -> str | None:
+            pointer, _, name = text.partition("[")[0].partition("->")
+            return f"{STRUCTURES[pointer]}.{name}" if name else None
+
+        function = self.program.function
+        return Ports(function, list(map(key, self.inputs)), list(map(key, self.outputs)))
 
 
 @dataclass(frozen=True)
@@ -84,7 +90,7 @@ class FlightProgram:
     structs: dict[str, Struct]
     parameters: list[Any]
     modes: dict[str, int]
-    macros: dict[type[enum.IntEnum], dict[int, str]]
+    macros: Macros
     estimates: bool
     single: bool
     hash: str
@@ -133,72 +139,53 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
         jax.eval_shape(lambda p: controller(p).begin_estimator(q), defaults) if estimates else None,
         jax.eval_shape(lambda p: controller(p).begin_modulation(), defaults),
     )
-
-    def whole(parameters, now, state):
-        flight = controller(parameters)
-        law_input, memory = (
-            flight.estimate(now, state.estimator) if estimates else (now.measured, state.estimator)
-        )
-        command, mode, law = flight.control(now.sample, law_input, state.law)
-        commands, modulation = flight.allocate(law_input, command, state.modulation)
-        return SampleCommands(command, mode, **commands), State(law, memory, modulation)
-
-    def begin(parameters, attitude, now):
-        flight = controller(parameters)
-        memory = flight.begin_estimator(attitude) if estimates else None
-        law_input = flight.estimate(now, memory)[0] if estimates else now.measured
-        return State(flight.begin_law(law_input), memory, flight.begin_modulation())
-
-    out = jax.eval_shape(whole, defaults, now, begun)[0]
-
-    def struct(name: str, words: str, *trees: Any) -> Struct:
-        names = Names(fields=True)
-        return Struct(f"controller_{name}", words, sum((fields_of(x, names) for x in trees), ()))
-
-    clock = now._replace(measured=None)
-    structs = {
-        "parameters": Struct("controller_parameters", "Gains and what the law believes.", fields),
-        "input": struct("input", about(Input), clock, measured),
-        "state": struct("state", about(State), begun._replace(begin_sample=now.sample)),
-        "output": struct("output", about(SampleCommands), out),
-        "clock": struct("clock", "The number of a sample since the controller began.", clock),
-        "seen": struct("seen", about(Seen), law_input),
-    }
-    structs["output"] = _with_modes(structs["output"], flight.law.modes)
+    out = jax.eval_shape(lambda p, state: controller(p).sample(now, state)[0], defaults, begun)
+    structs = _structs(fields, now, begun, out, law_input)
     stages, starts = _stages(controller, defaults, now, begun, law_input, q, structs)
     structs["parameters"] = _without_unread(structs["parameters"], [*stages, *starts])
-    ports = _ports([*starts, *stages])
-    structs = _narrowed(ports, structs, defaults)
-    macros = _macros(structs, flight.law.modes)
-    name_numbers(
-        ports,
-        {
-            f"{name}.{one.name}": macros[one.choices]
-            for name in ("output", "state")
-            for one in structs[name].fields
-            if one.choices in macros
-        },
-    )
+    ports = [stage.ports() for stage in (*starts, *stages) if stage.outputs]
+    structs, macros = named(ports, narrowed(ports, structs, defaults), flight.law.modes)
     traces = {stage.name: stage.program.jaxpr for stage in (*starts, *stages)}
-    modes = {member.name: int(member) for member in flight.law.modes}
     return FlightProgram(
         starts,
         stages,
         structs,
         defaults,
-        modes,
+        {member.name: int(member) for member in flight.law.modes},
         macros,
         estimates,
         dtype == np.float32,
         _hash(traces, structs),
-        whole,
-        begin,
+        lambda parameters, now, state: controller(parameters).sample(now, state),
+        lambda parameters, attitude, now: controller(parameters).begin(attitude, now),
         lambda parameters, now, memory: controller(parameters).estimate(now, memory)[1],
         now,
         begun,
         flight.law.period,
         order,
     )
+
+
+def _structs(
+    parameters: tuple[Field, ...], now: Input, begun: State, out: SampleCommands, law_input: Seen
+) -> dict[str, Struct]:
+    """Return all structures, by the names in `STRUCTURES`."""
+
+    def struct(name: str, words: str, *trees: Any) -> Struct:
+        names = Names(fields=True)
+        return Struct(f"controller_{name}", words, sum((fields_of(x, names) for x in trees), ()))
+
+    clock = now._replace(measured=None)
+    return {
+        "parameters": Struct(
+            "controller_parameters", "Gains and what the law believes.", parameters
+        ),
+        "input": struct("input", about(Input), clock, now.measured),
+        "state": struct("state", about(State), begun._replace(begin_sample=now.sample)),
+        "output": struct("output", about(SampleCommands), out),
+        "clock": struct("clock", "The number of a sample since the controller began.", clock),
+        "seen": struct("seen", about(Seen), law_input),
+    }
 
 
 def _hash(traces, structs: dict[str, Struct]) -> str:
@@ -260,62 +247,6 @@ def _stages(
         stages.insert(0, stage("estimate", "The estimator", [sample, kept("estimator")], outputs))
         starts.insert(0, stage("begin_estimator", title, [attitude], keeps("estimator")))
     return stages, starts
-
-
-def _with_modes(output: Struct, modes: type[enum.IntEnum]) -> Struct:
-    """Return the structure of outputs with the enumeration of the mode."""
-    fields = (replace(one, choices=modes) if one.path == "mode" else one for one in output.fields)
-    return replace(output, fields=tuple(fields))
-
-
-def _ports(stages: Sequence[ProgramStage]) -> list[Ports]:
-    """Return the functions of stages, whose parameters and results are fields of structures."""
-
-    def key(text: str) -> str | None:
-        pointer, _, name = text.partition("[")[0].partition("->")
-        return f"{STRUCTURES[pointer]}.{name}" if name else None
-
-    return [
-        Ports(stage.program.function, list(map(key, stage.inputs)), list(map(key, stage.outputs)))
-        for stage in stages
-        if stage.outputs
-    ]
-
-
-def _macros(
-    structs: dict[str, Struct], modes: type[enum.IntEnum]
-) -> dict[type[enum.IntEnum], dict[int, str]]:
-    """Return the names of the numbers of all enumerations of outputs and state in C."""
-    names, macros = Names(fields=True), {}
-    fields = [*structs["output"].fields, *structs["state"].fields]
-    for choices in dict.fromkeys(one.choices for one in fields if one.choices is not None):
-        word = "mode" if choices is modes else identifier(choices.__name__)
-        word = f"{word}_of_law" if word in MEANINGS else word
-        if len(choices) > 1:
-            macros[choices] = {
-                int(one): f"CONTROLLER_{names.new(identifier(word, one.name)).upper()}"
-                for one in choices
-            }
-    return macros
-
-
-def _narrowed(
-    ports: Sequence[Ports], structs: dict[str, Struct], defaults: Sequence[Any]
-) -> dict[str, Struct]:
-    """Shorten whole numbers of stages to 32 bits, and return the structures with such fields."""
-    long = [
-        f"parameters.{one.name}"
-        for one in structs["parameters"].fields
-        if one.dtype.kind == "i" and np.any(np.abs(np.asarray(defaults[one.number])) > MOST)
-    ]
-    short = narrow(ports, long)
-
-    def fields(name: str) -> Iterator[Field]:
-        for one in structs[name].fields:
-            is_short = f"{name}.{one.name}" in short
-            yield replace(one, dtype=np.dtype(np.int32)) if is_short else one
-
-    return {name: replace(struct, fields=tuple(fields(name))) for name, struct in structs.items()}
 
 
 def _elements_under(struct: Struct, part: str, pointer: str) -> list[str]:

@@ -2,7 +2,7 @@
 
 import inspect
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from jaxsat.compiler.c.functions import Unit
 from jaxsat.compiler.c.naming import comment
 from jaxsat.compiler.c.python_functions import python_function
 from jaxsat.compiler.c.tidying import wrapped
-from jaxsat.compiler.ir import Source, Value
+from jaxsat.compiler.ir import NamedNumber, Source, Value
 from jaxsat.flight.flight import FlightController
 from jaxsat.flight.guard import real_type
 from jaxsat.flight.program import STRUCTURES, FlightProgram, ProgramStage
@@ -60,7 +60,7 @@ def _defines(program: FlightProgram) -> Iterator[str]:
     for choices, names in program.macros.items():
         places = [
             f"controller_{name}.{one.name}"
-            for name in ("output", "state")
+            for name in ("output", "state", "parameters")
             for one in program.structs[name].fields
             if one.choices is choices
         ]
@@ -144,7 +144,8 @@ def default_parameters(program: FlightProgram) -> list[str]:
     fields = program.structs["parameters"].fields
     for field in fields:
         begin = f"  .{field.name} = "
-        value = _initialiser(np.asarray(program.parameters[field.number], field.dtype))
+        names = {} if field.choices is None else program.macros[field.choices]
+        value = _initialiser(np.asarray(program.parameters[field.number], field.dtype), names)
         if len(begin) + len(value) > 98:
             begin, value = begin.rstrip(), "\n".join(wrapped(value))
             lines.append(begin)
@@ -156,10 +157,10 @@ def default_parameters(program: FlightProgram) -> list[str]:
     return lines
 
 
-def _initialiser(array) -> str:
+def _initialiser(array, names: Mapping[int, str]) -> str:
     if array.ndim == 0:
-        return literal(array[()]).text
-    return "{" + ", ".join(_initialiser(row) for row in array) + "}"
+        return literal(NamedNumber.of(array[()], names)).text
+    return "{" + ", ".join(_initialiser(row, names) for row in array) + "}"
 
 
 def _stage(unit: Unit, stage: ProgramStage) -> str:

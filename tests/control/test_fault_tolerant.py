@@ -11,8 +11,10 @@ from scipy.optimize import linprog
 
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.control.diagnosis.residual import Reading
+from jaxsat.control.magnetic import MagneticMode
 from jaxsat.control.reconfiguration import Left
-from jaxsat.control.tolerant_actuators import Demand, Sample, TolerantMode
+from jaxsat.control.supervisor import Phase
+from jaxsat.control.tolerant_actuators import Demand, Sample, TolerantMode, tolerant_mode
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
@@ -298,3 +300,12 @@ def test_a_valve_stuck_on_is_opposed_where_seven_others_can():
         assert (left < 1e-9) == balances
     found = build_study(scenario, 3, seed=5).values(np.arange(3))
     assert np.all(np.isfinite(found["settling_time"]))
+
+
+def test_modes_of_the_laws_that_fly_under_it_are_numbers_of_its_own():
+    slews = [int(tolerant_mode(jnp.array(one), Phase)) for one in Phase]
+    assert slews == [3, 4, 5, 6]
+    magnetic = [
+        int(tolerant_mode(jnp.array(one), MagneticMode, "MAGNETIC_")) for one in MagneticMode
+    ]
+    assert magnetic == [11, 12, 13]

@@ -6,6 +6,8 @@ import shutil
 import subprocess
 from typing import Annotated, ClassVar, NamedTuple
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -17,6 +19,50 @@ from jaxsat.flight.program import flight_program
 from jaxsat.flight.source import header, source
 from jaxsat.flight.vectors import Reference
 from tests.flight.laws import Clocked, Filtered, loop_of, start
+from tests.flight.mode_names import bare_modes, enumerated
+
+
+class Turn(enum.IntEnum):
+    """Modes of `Turning`."""
+
+    STOP = 0
+    SPIN = 1
+    POINT = 2
+
+
+class TurningMemory(NamedTuple):
+    """The mode, and how many samples it has lasted."""
+
+    turn: Array
+    samples: Array
+
+
+class Turning(Clocked):
+    """A law of three modes, each with a law of its own, which tables choose."""
+
+    modes: ClassVar[type[enum.IntEnum]] = Turn
+    following: Array = eqx.field(converter=jnp.asarray, default=(Turn.SPIN, Turn.POINT, Turn.STOP))
+
+    def init(self, state):
+        return TurningMemory(jnp.array(Turn.STOP), jnp.array(0))
+
+    def step(self, t, state, memory):
+        after = jnp.array([Turn.POINT, Turn.POINT, Turn.SPIN])[memory.turn]
+        due = jnp.where(memory.samples == 2, after, self.following[memory.turn])
+        turn = jnp.minimum(jnp.where(state.omega[0] > 0.25, due, memory.turn), Turn.POINT)
+        late = turn > Turn.SPIN
+
+        def spin(omega):
+            return jnp.tanh(jnp.cumsum(jnp.cos(omega)))[:2]
+
+        def point(omega):
+            return jnp.arctan2(jnp.sin(omega), jnp.exp(omega))[:2]
+
+        torque = jax.lax.switch(turn, [lambda omega: omega[:2], spin, point], state.omega)
+        return jnp.where(late, -torque, torque), TurningMemory(turn, memory.samples + 1)
+
+    def mode(self, memory):
+        return memory.turn
 
 
 class Step(enum.IntEnum):
@@ -140,7 +186,24 @@ def test_numbers_of_modes_and_of_annotated_states_have_names(single):
     assert "next->law_number = 1;" in text  # a number alike is no part
     second = "(next->law_step == CONTROLLER_STEP_SECOND)"
     assert f"out->mode = {second} ? CONTROLLER_MODE_HIGH : CONTROLLER_MODE_LOW;" in text
+    assert bare_modes(header(program, []), source(program, [], libm=False)) == []
     ranges = {row.path: row.range for row in rows(program, [])}
     assert ranges["mode"] == "4 LOW, 5 HIGH"
     assert ranges["law.step"] == "0 FIRST, 1 SECOND"
     assert ranges["law.number"] == "any"
+
+
+@pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
+def test_modes_have_names_in_tables_limits_comparisons_and_cases(single):
+    program = flight_program(loop_of(Turning()), start(), single=single)
+    text = " ".join(source(program, [], libm=False).split())
+    stop, spin, point = (f"CONTROLLER_MODE_{one.name}" for one in Turn)
+    assert f".law_following = {{{spin}, {point}, {stop}}}," in text
+    assert re.search(rf"const int32_t \w+\[3\] = {{{point}, {point}, {spin}}};", text)
+    assert re.search(rf"out->mode = minimum_i32\(\w+, {point}\);", text)
+    assert f"out->mode > {spin}" in text
+    labels = re.findall(r"(case \w+|default): {", text)
+    assert labels == [f"case {stop}", f"case {spin}", "default"]
+    assert "now->law_samples == 2" in text  # a number alike
+    assert "now->law_turn < 0" in text  # the sign of an index
+    assert enumerated(header(program, [])) == {"mode", "law_following"}

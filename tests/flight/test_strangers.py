@@ -15,6 +15,7 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation.sampled_loop import SampledLoop
 from tests.flight.folders import write_files
+from tests.flight.mode_names import bare_modes
 from tests.flight.sizes import sizes, too_large
 from tests.flight.traced import check_trace
 
@@ -112,7 +113,9 @@ def _agrees(folder: Path, scenario, compilers, precisions=(False, True)) -> None
         made = export(Request(run.loop, run.start, 400.0, "", "", PROVENANCE, single=single))
         assert len(sizes(made.files["controller.c"].decode())) > 10
         assert too_large(made.files) == {}
-        table, code = (made.files[name].decode() for name in ("trace.csv", "controller.c"))
+        names = ("trace.csv", "controller.c", "controller.h")
+        table, code, head = (made.files[name].decode() for name in names)
+        assert bare_modes(head, code) == []
         check_trace(table, code, LAW_FILES)
         assert table_cautions(made.program) == ()  # cFS's parameter table has a default size
         place = folder / ("single" if single else "double")

@@ -15,7 +15,7 @@ from jaxsat.compiler.c.printer import Printer
 from jaxsat.compiler.c.python_functions import python_function
 from jaxsat.compiler.c.tidying import WIDEST, braced, dimensions, in_lines
 from jaxsat.compiler.c.unit import AbstractUnit, CallSignature
-from jaxsat.compiler.ir import Function, Memory, Source
+from jaxsat.compiler.ir import Function, Memory, NamedNumber, Source
 from jaxsat.compiler.trace import Trace
 
 LIBM = frozenset((
@@ -79,7 +79,8 @@ class Unit(AbstractUnit):
     def memory(self, memory: Memory) -> str:
         """Return the name of an indexed array of constants."""
         assert memory.initial is not None
-        return self.table(list(memory.initial), (memory.size,), "constant")
+        numbers = [NamedNumber.of(x, memory.names) for x in memory.initial]
+        return self.table(numbers, (memory.size,), "constant")
 
     def table(self, numbers: Sequence[np.generic], shape: tuple[int, ...], wish: str) -> str:
         """Return the name of an array of constants; equal ones are shared."""

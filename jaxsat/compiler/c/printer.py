@@ -146,7 +146,7 @@ class Printer:
         if len(step.blocks) == 2:
             if condition is None:
                 assert index is not None
-                condition = f"{index.inside(UNARY)} != 0"
+                condition = f"{index.inside(UNARY)} != {step.names.get(0, 0)}"
             body.line(f"if ({condition}) {{")
             self._branch(step, 1, places)
             body.line("} else {")
@@ -157,7 +157,7 @@ class Printer:
         body.line(f"switch ({index.text}) {{")
         for number in range(len(step.blocks)):
             last = number == len(step.blocks) - 1
-            body.line("default: {" if last else f"case {number}: {{")
+            body.line("default: {" if last else f"case {step.names.get(number, number)}: {{")
             self._branch(step, number, places)
             body.line("  break;")
             body.line("}")

@@ -9,7 +9,7 @@ from jaxsat.compiler.c.tidying import rolled
 _MANY = 24
 """Largest number of elements that are set one by one; larger arrays use loops if possible."""
 
-_DECLARED = re.compile(r"(?:const )?((?!return)\w+) (\w+(?:, \w+)*)((?:\[\d+\])*)")
+_DECLARED = re.compile(r"(?:const )?((?!(?:return|case)\b)\w+) (\w+(?:, \w+)*)((?:\[\d+\])*)")
 
 
 def declared(text: str) -> tuple[str, list[str], str]:

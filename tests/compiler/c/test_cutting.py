@@ -9,6 +9,7 @@ from helpers.tools import needs
 from jaxsat.compiler.c.cutting import Text, in_parts, lines_of
 from jaxsat.compiler.c.functions import Unit
 from jaxsat.compiler.c.naming import Names
+from jaxsat.compiler.c.workspace import declared
 from tests.flight.sizes import sizes
 
 HEAD = "#include <stdbool.h>\n#include <stdint.h>\n#include <stdio.h>\n\n"
@@ -127,3 +128,10 @@ def test_a_short_function_stays_as_it_is():
     parts = in_parts(short, Names())
     assert parts.functions == (short,)
     assert parts.wishes == {}
+
+
+def test_the_label_of_a_case_declares_no_variable():
+    """Its name looks like one behind a type."""
+    assert declared("case CONTROLLER_MODE_STOP: {") == ("", [], "")
+    assert declared("return ready;") == ("", [], "")
+    assert declared("cases first, second[2];") == ("cases", ["first", "second"], "[2]")
