@@ -30,7 +30,12 @@ from jaxsat.flight.measure import BOUND_SCRIPT, ProcessorUse, measured
 from jaxsat.flight.parameters import parameters_header, parameters_source
 from jaxsat.flight.program import FlightProgram, flight_program
 from jaxsat.flight.readme import readme
-from jaxsat.flight.recording import recorded_flight, recording_program
+from jaxsat.flight.recording import (
+    recorded_flight,
+    recording_program,
+    recording_text,
+    rounding,
+)
 from jaxsat.flight.search import NoSearch, found_calls
 from jaxsat.flight.source import header, source
 from jaxsat.flight.templates import DEVIATIONS, template
@@ -89,7 +94,10 @@ def export(request: Request) -> Export:
         "controller.c": source(program, intro, libm=request.libm),
     }
     reference = Reference(program)
-    samples = vectors(program, request.loop, request.start, request.duration, reference=reference)
+    samples, inputs = vectors(
+        program, request.loop, request.start, request.duration, reference=reference
+    )
+    recording = recorded_flight(reference, inputs)
     table = interface.parameters(program, request.loop, request.keys)
     texts |= {
         "controller_records.h": records_header(program, intro),
@@ -105,6 +113,7 @@ def export(request: Request) -> Export:
     calls = Vectors(all_calls, expected_of_calls(reference, all_calls))
     rows = interface.rows(program, table, request.hold_samples)
     ulp = "1e18" if request.libm else "0"
+    difference = f"{rounding(program, recording):.1e}" if request.libm else "0"
     texts |= {
         "controller_parameters.h": parameters_header(table, intro),
         "controller_parameters.c": parameters_source(program, table, intro),
@@ -115,7 +124,7 @@ def export(request: Request) -> Export:
         "test_controller.c": test_program(program, intro),
         "test_functions.c": function_calls(program, intro),
         "run_controller.c": recording_program(program),
-        "recorded_flight.csv": recorded_flight(reference, samples.given),
+        "recorded_flight.csv": recording_text(program, recording),
         "controller_library.c": library_source(program, intro),
         "prove_controller.c": prove_source(program, intro),
         "cortex_m.c": template("cortex_m.c"),
@@ -124,8 +133,8 @@ def export(request: Request) -> Export:
         "misra_deviations.txt": "".join(f"{rule}\n" for rule in DEVIATIONS),
         "mcdc.py": template("mcdc.py"),
         BOUND_SCRIPT: template(BOUND_SCRIPT),
-        "Makefile": template("Makefile", ULP=ulp),
-        "CMakeLists.txt": template("CMakeLists.txt", ULP=ulp),
+        "Makefile": template("Makefile", ULP=ulp, DIFFERENCE=difference),
+        "CMakeLists.txt": template("CMakeLists.txt", ULP=ulp, DIFFERENCE=difference),
         "scenario.toml": request.scenario,
         "export.json": _record(request, program, texts["controller.h"] + texts["controller.c"]),
     }

@@ -84,20 +84,22 @@ def vectors(
     duration: float,
     seed: int = 0,
     reference: "Reference | None" = None,
-) -> Vectors:
-    """Return ten thousand samples of closed loops from starts of all attitudes, and edge cases.
+) -> tuple[Vectors, Float[np.ndarray, "samples inputs"]]:
+    """Return ten thousand samples of closed loops from starts of all attitudes, and edge cases; and
+    the inputs of the first `SAMPLES` samples of the first loop, one after the other.
 
     Expected are the results of the compiled engine without fused operations.
     """
     with jax.enable_x64(True):
-        now, state = _closed_loops(loop, start, duration, seed)
+        now, state, recorded = _closed_loops(loop, start, duration, seed)
         rng = np.random.default_rng(seed)
         begin: Any = rng.integers(-(2**31), 2**31, len(now.sample), np.int32)
         now = now._replace(sample=begin + now.sample)  # which wraps
         state = state._replace(begin_sample=begin)
         now, state = _with_edges(rng, now), _with_edges(rng, state)
     reference = Reference(program) if reference is None else reference
-    return Vectors(rows_of((now, state)), reference.step(now, state))
+    rows = Vectors(rows_of((now, state)), reference.step(now, state))
+    return rows, rows_of(recorded)
 
 
 class Reference:
@@ -200,17 +202,17 @@ def _recording(loop: SampledLoop) -> SampledLoop:
 
 def _closed_loops(
     loop: SampledLoop, start: PlantState, duration: float, seed: int
-) -> tuple[Input, State]:
-    """Return inputs and prior states at samples of several runs, one after the other."""
+) -> tuple[Input, State, Input]:
+    """Return inputs and prior states at samples of several runs, one after the other, and the
+    inputs of the first run from its first sample on."""
     recording = _recording(loop)
     period = float(np.asarray(loop.controller.period))
     total = max(SAMPLES, min(LONGEST, round(duration / period)))
-    stride = total // SAMPLES
 
-    def first(key):
+    def first(key, shared):
         return recording.start(_start(start, key))
 
-    def block(case):
+    def block(case, stride):
         """Simulate `stride` periods, of which the last is observed."""
         state, begin = case
 
@@ -221,21 +223,32 @@ def _closed_loops(
         return following, _observation(loop, begin + stride - 1, before, following)
 
     keys = jax.random.split(jax.random.key(seed), CASES)
-    state, samples = _over_cases(first, keys)(keys), []
-    run = _over_cases(block, (state, np.zeros(CASES, np.int32)))
-    for number in range(SAMPLES):
-        state, sample = run((state, np.full(CASES, number * stride, np.int32)))
-        samples.append(sample)
-    count = CASES * SAMPLES
-    return jax.tree.map(
-        lambda *rows: np.stack(rows, 1).reshape(count, *rows[0].shape[1:]), *samples
-    )
+    begun = _over_cases(first, keys)(keys, None)
+    run = _over_cases(block, (begun, np.zeros(CASES, np.int32)), np.int32(1))
+
+    def flown(stride: int) -> tuple[Input, State]:
+        state, samples = begun, []
+        for number in range(SAMPLES):
+            case = (state, np.full(CASES, number * stride, np.int32))
+            state, sample = run(case, np.int32(stride))
+            samples.append(sample)
+        count = CASES * SAMPLES
+        return jax.tree.map(
+            lambda *rows: np.stack(rows, 1).reshape(count, *rows[0].shape[1:]), *samples
+        )
+
+    stride = total // SAMPLES
+    each = flown(1)
+    recorded = jax.tree.map(lambda rows: rows[:SAMPLES], each[0])
+    return *(each if stride == 1 else flown(stride)), recorded
 
 
-def _over_cases(function: Callable[[PyTree], PyTree], cases: PyTree) -> Callable[[PyTree], PyTree]:
-    """Compile a function of one case over leading axes like those of `cases`."""
+def _over_cases(
+    function: Callable[[PyTree, PyTree], PyTree], cases: PyTree, shared: PyTree = None
+) -> Callable[[PyTree, PyTree], PyTree]:
+    """Compile a function of one case and of shared data over leading axes like those of `cases`."""
     one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), cases)
-    return compiled_over_cases(lambda case, shared: function(case), one, contract=False)
+    return compiled_over_cases(function, one, shared, contract=False)
 
 
 def _start(start: PlantState, key: Array) -> PlantState:

@@ -89,14 +89,25 @@ def test_a_law_with_branches_loops_and_functions_agrees_to_the_bit(tmp_path, fil
     assert "malloc" not in text
 
 
+def _by_xla(function, cases, shared=None):
+    return jax.jit(jax.vmap(function, (0, None)))
+
+
 @pytest.mark.slow
 def test_closed_loops_are_those_that_xla_flies(monkeypatch):
     request = _request(Sliced(gain=[3.0, 2.0]))
     program = flight_program(request.loop, request.start)
-    flown = vectors.vectors(program, request.loop, request.start, request.duration)
-    monkeypatch.setattr(vectors, "_over_cases", lambda function, cases: jax.jit(jax.vmap(function)))
-    by_xla = vectors.vectors(program, request.loop, request.start, request.duration)
+    flown, recorded = vectors.vectors(program, request.loop, request.start, request.duration)
+    monkeypatch.setattr(vectors, "_over_cases", _by_xla)
+    by_xla, recorded_by_xla = vectors.vectors(
+        program, request.loop, request.start, request.duration
+    )
     np.testing.assert_allclose(flown.given[:64], by_xla.given[:64], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(recorded, recorded_by_xla, rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(recorded[:, 0], np.arange(32))  # all, from the first on
+    size = program.structs["input"].size
+    every_second = flown.given[:16, 1:size]
+    np.testing.assert_array_equal(recorded[1::2, 1:], every_second)
 
 
 @needs("cppcheck")
@@ -109,6 +120,10 @@ def test_no_rule_of_misra_is_broken_but_those_that_are_told(tmp_path, filtered, 
     assert all(rule in readme for rule in listed)
     if libm:
         _make(tmp_path, "cppcheck")  # fails on a rule that is not listed
+        found = re.search(r"^DIFFERENCE \?= (\S+)$", (tmp_path / "Makefile").read_text(), re.M)
+        assert found
+        assert 0.0 < float(found[1]) < 1e-3
+        _make(tmp_path, "fly")
         return
     (tmp_path / "misra_deviations.txt").write_text("missingIncludeSystem\nunusedStructMember\n")
     command = ["make", "cppcheck"]

@@ -35,7 +35,7 @@ def exported(folder: Path, *changes: str, single: bool = False) -> Path:
         "controller.c": source(program, [], libm=False),
         "controller_records.h": records_header(program, []),
         "controller_library.c": library_source(program, []),
-        "Makefile": template("Makefile", ULP="0"),
+        "Makefile": template("Makefile", ULP="0", DIFFERENCE="0"),
     }
     folder.mkdir()
     for name, text in texts.items():

@@ -72,7 +72,7 @@ def _made(make, single=False):
     loop, first, keys = make()
     program = flight_program(loop, first, single=single)
     table = parameters(program, loop, keys)
-    return program, table, rows(program, table), vectors.vectors(program, loop, first, 100.0)
+    return program, table, rows(program, table), vectors.vectors(program, loop, first, 100.0)[0]
 
 
 def _write_controller(folder, made):
