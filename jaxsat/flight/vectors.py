@@ -266,7 +266,7 @@ def _after(loop: SampledLoop, number, period: float, state):
 
     def integrate(t, hold, plant, carry):
         def rate(instant, plant):
-            return loop.plant_rate(instant, plant, hold, instant - t)
+            return loop.motion(instant, plant, hold, instant - t).rate
 
         return explicit_step(tableau_of(NamedSolver("bosh3")), rate, t, hold.length, plant), carry
 

@@ -190,10 +190,8 @@ class ContinuousLoop(AbstractContinuousLoop):
         command, memory_rate = self.controller(t, plant, state.memory)
         acting = self._acting(t, plant, command)
         body, pieces = acting.body, acting.pieces
-        rate = body.rate(t, plant, pieces=pieces)
-        relative_rate = self.plant.relative_rate(plant)
+        rate, relative_rate, torque = body.motion(t, plant, pieces=pieces)
         error = self.controller.rate_error(plant)
-        torque = body.control_torque(t, plant, pieces, rate.omega)
         motion = Motion(LoopState(rate, memory_rate), plant, relative_rate, error, torque)
         return motion, acting
 

@@ -21,7 +21,7 @@ from jaxsat.simulation.divided_holds import through_hold
 from jaxsat.simulation.loops import AbstractLoop, plant_signals
 from jaxsat.simulation.trajectory import Signals
 from jaxsat.spacecraft.distribution import AbstractDistribution, Direct, Shares
-from jaxsat.spacecraft.dynamics import OfEach, PlantState, RigidBody
+from jaxsat.spacecraft.dynamics import BodyMotion, OfEach, PlantState, RigidBody
 from jaxsat.spacecraft.held_effector import Decision, Hold, hold_by_hold, mean_size
 from jaxsat.spacecraft.sensors import DrawnSensors, Sensors, Tachometers
 
@@ -280,25 +280,21 @@ class SampledLoop(AbstractLoop):
         after = body.after_failures(plant, struck)
         driven, commands = body.driven(after, acting, struck)
         pieces = driven.pieces(driven.modes(t, after, commands), commands)
-        acceleration = driven.acceleration(t, after, pieces=pieces)
-        torque = driven.control_torque(t, after, pieces, acceleration)
-        signals = plant_signals(body, t, plant, torque, error, none, mode)
-        parts, telemetry = driven.signals(after, pieces, acceleration), dict(law.telemetry(memory))
+        motion = driven.motion(t, after, pieces=pieces)
+        signals = plant_signals(body, t, plant, motion.torque, error, none, mode)
+        parts, telemetry = (
+            driven.signals(after, pieces, motion.rate.omega),
+            dict(law.telemetry(memory)),
+        )
         unmade = telemetry.pop("torque_unmade", None)
         signals = dataclasses.replace(signals, torque_unmade=unmade)
         return signals.with_parts(parts, measurement.errors, telemetry)
 
-    def plant_rate(
+    def motion(
         self, t: RealScalar, state: PlantState, hold: Hold, elapsed: RealScalar
-    ) -> PlantState:
-        """Time derivative of the plant at `t` (s), `elapsed` seconds into a hold."""
-        return self.plant.rate(t, state, pieces=self.plant.later(hold.pieces, elapsed))
-
-    def torque(self, t: RealScalar, state: PlantState, hold: Hold, elapsed: RealScalar) -> Vector:
-        """The torque of all effectors at `t` (s), `elapsed` seconds into a hold, N m."""
-        pieces = self.plant.later(hold.pieces, elapsed)
-        acceleration = self.plant.acceleration(t, state, pieces=pieces)
-        return self.plant.control_torque(t, state, pieces, acceleration)
+    ) -> BodyMotion:
+        """The motion of the plant at `t` (s), `elapsed` seconds into a hold."""
+        return self.plant.motion(t, state, pieces=self.plant.later(hold.pieces, elapsed))
 
     def mean_torque_size(self, t: RealScalar, state: PlantState, hold: Hold) -> Vector | None:
         """Mean |torque| about each axis, N m, over a hold that begins at `t` (s).
@@ -307,5 +303,5 @@ class SampledLoop(AbstractLoop):
         """
         if not all(one.even for one in self.plant.effectors):
             return None
-        first = self.torque(t, state, hold, jnp.zeros_like(hold.length))
-        return mean_size(first, self.torque(t + hold.length, state, hold, hold.length))
+        first = self.motion(t, state, hold, jnp.zeros_like(hold.length)).torque
+        return mean_size(first, self.motion(t + hold.length, state, hold, hold.length).torque)

@@ -7,6 +7,7 @@ How a body and its effectors exchange torque and momentum: `jaxsat.spacecraft.ef
 
 import dataclasses
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -15,13 +16,22 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.core.checks import require_inertia
-from jaxsat.spacecraft.effector import AbstractEffector
+from jaxsat.spacecraft.effector import AbstractEffector, Effect
 from jaxsat.spacecraft.environment.disturbances import AbstractDisturbance, NoDisturbance
 from jaxsat.spacecraft.environment.orbit import AbstractOrbit
 from jaxsat.spacecraft.spacecraft import OfEach, PlantState, Spacecraft, inverse_of
 
 Struck = tuple[Bool[Array, " _"], ...]
 """Whether each failure of each effector has struck."""
+
+
+class BodyMotion(NamedTuple):
+    """The `rate` of a body's state, its angular velocity ω_r relative to the orbit frame (rad/s),
+    and the effectors' torque on it (N m)."""
+
+    rate: PlantState
+    relative_rate: Vector
+    torque: Vector
 
 
 class RigidBody(eqx.Module):
@@ -196,10 +206,17 @@ class RigidBody(eqx.Module):
 
         Without pieces, effectors make no torque and keep their momenta.
         """
-        effects = [
+        return self._acceleration(t, state, torque, self._effects(t, state, pieces))
+
+    def _effects(self, t: RealScalar, state: PlantState, pieces: OfEach) -> list[Effect]:
+        return [
             one.effect(piece, t, state, own)
             for (one, own), piece in zip(self._with(state), pieces, strict=False)
         ]
+
+    def _acceleration(
+        self, t: RealScalar, state: PlantState, torque: Vector | None, effects: list[Effect]
+    ) -> Vector:
         total = self._sum([effect.torque for effect in effects], torque)
         total = total + self.disturbance_torque(t, state)
         total = total - jnp.cross(state.omega, self.total_momentum(state))
@@ -209,20 +226,26 @@ class RigidBody(eqx.Module):
         self, t: RealScalar, state: PlantState, torque: Vector | None = None, pieces: OfEach = ()
     ) -> PlantState:
         """Return the time derivative of the state; the arguments are those of `acceleration`."""
-        acceleration = self.acceleration(t, state, torque, pieces)
-        own = jax.tree.map(jnp.zeros_like, state.effectors)
-        if pieces:
-            parts = zip(self.effectors, pieces, state.of_each, strict=True)
-            own = tuple(one.derivative(piece, state, x, acceleration) for one, piece, x in parts)
-        return PlantState(state.attitude.rate(self.relative_rate(state)), acceleration, own)
+        return self.motion(t, state, torque, pieces).rate
 
-    def control_torque(
-        self, t: RealScalar, state: PlantState, pieces: OfEach, acceleration: Vector
-    ) -> Vector:
-        """Return the effectors' torque on the body for this dω/dt, N m."""
-        parts = zip(self.effectors, pieces, state.of_each, strict=True)
-        torques = [one.torque(piece, t, state, own, acceleration) for one, piece, own in parts]
-        return self._sum(torques, None)
+    def motion(
+        self, t: RealScalar, state: PlantState, torque: Vector | None = None, pieces: OfEach = ()
+    ) -> BodyMotion:
+        """Return the motion; the arguments are those of `acceleration`.
+
+        The effect of each effector is computed once.
+        """
+        effects, relative_rate = self._effects(t, state, pieces), self.relative_rate(state)
+        acceleration = self._acceleration(t, state, torque, effects)
+        own, torques = jax.tree.map(jnp.zeros_like, state.effectors), []
+        if pieces:
+            parts = list(zip(self.effectors, pieces, state.of_each, effects, strict=True))
+            own = tuple(one.derivative(piece, state, x, acceleration) for one, piece, x, _ in parts)
+            torques = [
+                one.torque(piece, effect, x, acceleration) for one, piece, x, effect in parts
+            ]
+        rate = PlantState(state.attitude.rate(relative_rate), acceleration, own)
+        return BodyMotion(rate, relative_rate, self._sum(torques, None))
 
     def stored(self, state: PlantState) -> dict[str, Array]:
         """Return the effectors' signals of state (momenta, angles), by name."""

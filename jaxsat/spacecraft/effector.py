@@ -242,11 +242,12 @@ class AbstractEffector(AbstractHeldEffector):
         """Return the derivative of the effector's state where the body has this dω/dt (rad/s²)."""
         return jax.tree.map(jnp.zeros_like, state)
 
-    def torque(
-        self, piece: PyTree, t: RealScalar, plant: PlantState, state: PyTree, acceleration: Vector
-    ) -> Vector:
-        """Return the total torque of the devices on the body with devices locked, N m."""
-        return self.effect(piece, t, plant, state).torque
+    def torque(self, piece: PyTree, effect: Effect, state: PyTree, acceleration: Vector) -> Vector:
+        """Return the total torque of the devices on the body with devices locked, N m.
+
+        `effect` is their effect, with which the body has this dω/dt (rad/s²).
+        """
+        return effect.torque
 
     def signals(self, piece: PyTree, state: PyTree, acceleration: Vector) -> dict[str, Array]:
         """Return the declared signals of motion, by name."""

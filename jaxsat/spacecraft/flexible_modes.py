@@ -125,7 +125,7 @@ class FlexibleModes(AbstractEffector):
         torque = self.axes @ (self.coupling**2 * self._spring(state))
         return Effect(torque, self.free_inertia())
 
-    def torque(self, piece: tuple, t, plant, state: ModeStates, acceleration):
+    def torque(self, piece: tuple, effect: Effect, state: ModeStates, acceleration):
         """Return zero, as no actuator makes the torque of flexible modes."""
         return jnp.zeros(3)
 

@@ -259,7 +259,7 @@ class Wheels(AbstractEffector):
             return torque
         return jnp.where(piece.turns, torque, -self._drag(acceleration))
 
-    def torque(self, piece: WheelPiece, t, plant, state: WheelMomenta, acceleration):
+    def torque(self, piece: WheelPiece, effect: Effect, state: WheelMomenta, acceleration):
         """Return the torque A c including the reaction of held rotors, N m."""
         return self.axes @ self.made(piece, state, acceleration)
 

@@ -336,7 +336,7 @@ def after_two_periods(loop, gain, x, quaternion, omega):
         return leaves(changed.motion(jnp.array(1.3), start).rate.plant)
 
     def step(t, hold, plant, carry):
-        rate = changed.plant_rate(t, plant, hold, jnp.zeros_like(hold.length))
+        rate = changed.motion(t, plant, hold, jnp.zeros_like(hold.length)).rate
         return jax.tree.map(lambda one, slope: one + hold.length * slope, plant, rate), carry
 
     def period(number, state):

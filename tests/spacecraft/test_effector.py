@@ -51,8 +51,7 @@ def told(bodies, states, commands, struck):
         after = body.after_failures(state, those)
         left, asked = body.driven(after, command, those)
         pieces = left.pieces(left.modes(t, after, asked), asked)
-        rate = left.rate(t, after, pieces=pieces)
-        made = left.control_torque(t, after, pieces, rate.omega)
+        rate, _, made = left.motion(t, after, pieces=pieces)
         own = [jnp.concatenate([x.momentum for x in y.of_each]) for y in (after, rate)]
         found.append((after.omega, rate.omega, left.total_momentum(after), made, *own))
     return found

@@ -242,11 +242,11 @@ def _over_hold(program: Program, loop: SampledLoop, solver, number, t, hold, pla
     error = estimate.after(
         record.error,
         number,
-        lambda now, plant: same.plant_rate(now, plant, still, now - t),
+        lambda now, plant: same.motion(now, plant, still, now - t).rate,
         Span(t, length, plant, after),
     )
-    first = loop.torque(t, plant, hold, jnp.zeros_like(length))
-    last = loop.torque(t + length, after, hold, length)
+    first = loop.motion(t, plant, hold, jnp.zeros_like(length)).torque
+    last = loop.motion(t + length, after, hold, length).torque
     torques = record.held.with_hold(*stop_gradient((length, first, last)))
     return after, record._replace(integrals=integrals, held=torques, error=error)
 

@@ -168,17 +168,17 @@ class SampledStepper(AbstractStepper):
             integrals, since, held, error = carry
             rate, both = held_rate(program, loop, hold, t, plant), (plant, integrals)
             plant_before = plant
-            first = loop.torque(t, plant, hold, jnp.zeros_like(hold.length))
+            first = loop.motion(t, plant, hold, jnp.zeros_like(hold.length)).torque
             (plant, integrals), since = _equal_steps(
                 tableau, rate, t, hold.length, loop.substeps, (both, since), judge
             )
-            last = loop.torque(t + hold.length, plant, hold, hold.length)
+            last = loop.motion(t + hold.length, plant, hold, hold.length).torque
             held = held.with_hold(*stop_gradient((hold.length, first, last)))
             same, still = stop_gradient((loop, hold))
             error = estimate.after(
                 error,
                 number,
-                lambda now, plant: same.plant_rate(now, plant, still, now - t),
+                lambda now, plant: same.motion(now, plant, still, now - t).rate,
                 Span(t, hold.length, plant_before, plant),
             )
             return plant, (integrals, since, held, error)

@@ -75,11 +75,11 @@ def held_rate(
 
     def rate(t, both):
         state, _ = both
-        torque = loop.torque(t, state, hold, t - begin)
-        cost = running_cost(program.running_cost, state, loop.plant.relative_rate(state), torque)
+        plant_rate, relative_rate, torque = loop.motion(t, state, hold, t - begin)
+        cost = running_cost(program.running_cost, state, relative_rate, torque)
         size = jnp.abs(torque) if mean is None else mean
         effort = effort_rates(program.detailed, loop.plant, t, state, torque, size)
-        return loop.plant_rate(t, state, hold, t - begin), Integrals(cost, effort)
+        return plant_rate, Integrals(cost, effort)
 
     return rate
 

@@ -61,8 +61,10 @@ def explicit_step(
 ) -> PyTree:
     """The state after one step; stages that the solution does not use are skipped.
 
-    Stages are combined as one flat vector, in a batch a few times faster than leaf by leaf.
+    Stages are combined as one flat vector, in a batch a few times faster than leaf by leaf. The
+    rate is traced once for all stages, and its operations are written out in each.
     """
+    rate = jax.jit(rate, inline=True)
     flat, restore = ravel_pytree(state)
     rows = [np.zeros(0), *tableau.a_lower]
     nodes = [0.0, *tableau.c]

@@ -1,6 +1,7 @@
 """The plain step against diffrax's own, and its order against an exact solution."""
 
 import diffrax
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -35,6 +36,20 @@ def test_a_step_is_that_of_diffrax(solver):
     found = explicit_step(tableau_of(solver), rate, t, h, y)
     for name in "xv":
         np.testing.assert_allclose(found[name], expected[name], rtol=1e-14)
+
+
+@pytest.mark.parametrize(("solver", "stages"), list(zip(SOLVERS, (2, 3, 6, 6, 13), strict=True)))
+def test_all_stages_share_one_trace_of_the_rate(solver, stages):
+    traces = []
+
+    def noted(t, y):
+        traces.append(t)
+        return rate(t, y)
+
+    y, t, h, tableau = {"x": jnp.ones(()), "v": jnp.ones(())}, *jnp.ones(2), tableau_of(solver)
+    jaxpr = jax.make_jaxpr(lambda *now: explicit_step(tableau, noted, *now))(t, h, y)
+    written = sum(one.primitive.name == "sin" for one in jaxpr.eqns)
+    assert (len(traces), written) == (1, stages)
 
 
 @pytest.mark.parametrize(("solver", "order"), list(zip(SOLVERS, (2, 3, 5, 5, 8), strict=True)))
