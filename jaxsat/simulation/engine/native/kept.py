@@ -128,7 +128,8 @@ class Entries:
             if content is not None:
                 return content
         before = None if self._trusted else self._code
-        entry, code = make(), _code_in_memory()
+        entry = make()
+        code = self._code if self._trusted else _code_in_memory()  # trusted: changed by nobody
         if self._trusted or _agree(before, code):
             with contextlib.suppress(Exception):  # trees that `pickle` cannot write
                 cache.keep(own, pickle.dumps((entry, code)))
