@@ -23,7 +23,6 @@ from jaxsat.control.fine import OscillatorySettling
 from jaxsat.control.leaks import Leaks
 from jaxsat.control.momentum_fit import MomentumFit
 from jaxsat.control.normal_form import NormalForm
-from jaxsat.control.planned import PlannedSettling, planned_settling
 from jaxsat.control.presets import (
     balancing,
     coasting,
@@ -40,6 +39,7 @@ from jaxsat.control.reconfiguration import (
     failed_sets,
     limit_about,
 )
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.control.third_axis_band import ThirdAxisBand
 from jaxsat.control.tolerant_actuators import AbstractTolerantActuators
@@ -66,8 +66,10 @@ def build_three_slew(values: Mapping[str, Any], context: LawContext) -> ThreeSle
     return _with_gains(law, THREE_SLEW, values)
 
 
-def build_planned(values: Mapping[str, Any], context: LawContext) -> PlannedSettling:
+def build_planned(values: Mapping[str, Any], context: LawContext) -> AbstractSampledController:
     """Build the planning law; raises as `build_oscillatory` does."""
+    from jaxsat.control.planned import planned_settling  # the other laws have no use for plans
+
     settling = _built(three_slew_settling, values, context)
     return _with_gains(planned_settling(settling), PLANNED, values)
 
@@ -81,7 +83,7 @@ def _ripple_about(normal: Float[np.ndarray, "3"], context: LawContext) -> tuple[
     return amplitudes[most], frequencies[most]
 
 
-Made = TypeVar("Made", OscillatorySettling, ThreeSlewSettling, PlannedSettling)
+Made = TypeVar("Made", bound=AbstractSampledController)
 
 
 def _with_gains(law: Made, declaration: LawDeclaration, values: Mapping[str, Any]) -> Made:

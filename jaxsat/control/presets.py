@@ -203,16 +203,16 @@ def coasting(law: ThreeSlewSettling, pulse: float, noise: float) -> ThreeSlewSet
     law = _with_steady(law, (STEADY / unit**2, STEADY_DRIFT / unit**2.5), noise)
     amplitude = max(amplitude - PULSE_SHARE * pulse, LEAST_QUIET * amplitude)
     room, handover = _room(law.form), law.fine.handover
-    leave_turn = room * handover.leave_turn
+    leave_turn = room * float(handover.leave_turn)
     handover = dataclasses.replace(
         handover,
-        enter_turn=room * handover.enter_turn,
+        enter_turn=room * float(handover.enter_turn),
         leave_turn=leave_turn,
         aimed_turn=AIMED_SHARE * leave_turn,
     )
     fine = dataclasses.replace(law.fine, holding_amplitude=as_float(amplitude), handover=handover)
     estimator = dataclasses.replace(law.estimator, balanced=_balanced(fine))
-    late_turn = room * law.late_turn
+    late_turn = room * float(law.late_turn)
     return dataclasses.replace(law, fine=fine, estimator=estimator, late_turn=late_turn)
 
 
@@ -235,8 +235,8 @@ def balancing(law: ThreeSlewSettling, noise: float) -> ThreeSlewSettling:
     handover = dataclasses.replace(
         handover,
         aim_slack=slack,
-        enter_turn=handover.enter_turn * room,
-        leave_turn=handover.leave_turn * room,
+        enter_turn=room * float(handover.enter_turn),
+        leave_turn=room * float(handover.leave_turn),
         leave_held=handover.leave_turn,
     )
     return dataclasses.replace(

@@ -14,7 +14,7 @@ from matplotlib.backend_bases import GraphicsContextBase, RendererBase
 from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.backends.backend_svg import RendererSVG
 from matplotlib.figure import Figure
-from matplotlib.font_manager import FontProperties
+from matplotlib.font_manager import FontProperties, fontManager, get_font
 from matplotlib.path import Path
 from matplotlib.textpath import TextToPath
 from matplotlib.transforms import Affine2D, IdentityTransform, TransformedBbox, TransformedPath
@@ -65,6 +65,13 @@ def _png(pixels: np.ndarray, dpi: float | int) -> bytes:
     )
 
 
+@latest(64)
+def _font_files(font: FontProperties) -> list[Any]:
+    """Return the cached places of a font's file and of those for letters that it lacks."""
+    manager: Any = fontManager
+    return manager._find_fonts_by_props(font)
+
+
 class _Outlines(TextToPath):
     """Outlines of lines of text, each set once: figures of a run share most of their texts.
 
@@ -74,6 +81,12 @@ class _Outlines(TextToPath):
     def __init__(self):
         super().__init__()
         self._known: dict[tuple[str, str, str], tuple[Any, Any, Any]] = {}
+
+    def _get_font(self, prop: FontProperties) -> Any:
+        """Return the font with its size set; matplotlib looks for its files each time."""
+        font = get_font(_font_files(prop.copy()))
+        font.set_size(self.FONT_SCALE, self.DPI)
+        return font
 
     def get_glyphs_with_font(
         self, font, s, glyph_map=None, return_new_glyphs_only=False, **look

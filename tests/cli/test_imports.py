@@ -26,7 +26,13 @@ COMPUTING = {
         "scipy",
         "jaxsat.studies.ensemble",
     },
-    "montecarlo failures-12u -n 4": {"zarr", *TABLES, *FIGURES, "optax"},
+    "montecarlo failures-12u -n 4": {
+        "zarr",
+        *TABLES,
+        *FIGURES,
+        "optax",
+        "jaxsat.control.planned",
+    },
 }
 
 PROGRAM = """

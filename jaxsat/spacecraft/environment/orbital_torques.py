@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.core.attitude import AbstractAttitude
-from jaxsat.core.checks import as_float, finite, not_negative, require_positive
+from jaxsat.core.checks import as_float, finite, not_negative, numpy_if_known, require_positive
 from jaxsat.core.declaration import PartDeclaration
 from jaxsat.core.declaration.disturbances import AERODYNAMIC, MAGNETIC, SOLAR
 from jaxsat.core.earth import EARTH_RADIUS
@@ -94,7 +94,8 @@ class Sunlight(eqx.Module):
     eclipses: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):
-        require_positive("sun", jnp.sum(self.sun**2))
+        xp, sun = numpy_if_known(self.sun)
+        require_positive("sun", xp.sum(sun**2))
 
     def __call__(self, t: RealScalar) -> tuple[Vector, RealScalar]:
         """Return the unit vector to the Sun, reference frame, at `t` (s), and the light, 0 or 1."""

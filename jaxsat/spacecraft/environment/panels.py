@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.core.attitude import AbstractAttitude
-from jaxsat.core.checks import as_float, finite, not_negative, require_positive
+from jaxsat.core.checks import as_float, finite, not_negative, numpy_if_known, require_positive
 from jaxsat.core.declaration import PartDeclaration
 from jaxsat.core.declaration.disturbances import PANEL_DRAG, PANEL_LIGHT
 from jaxsat.spacecraft.environment.disturbances import AbstractDisturbance, DisturbanceContext
@@ -38,7 +38,8 @@ class Panels(eqx.Module):
     diffuse: Float[Array, " p"] = eqx.field(converter=not_negative("diffuse"))
 
     def __check_init__(self):
-        require_positive("normal", jnp.sum(self.normal**2, axis=1))
+        xp, normal = numpy_if_known(self.normal)
+        require_positive("normal", xp.sum(normal**2, axis=1))
 
     @classmethod
     def from_tables(cls, tables: Sequence[Any]) -> "Panels":

@@ -1,6 +1,8 @@
 """What is built of a scenario: plant, law, start and method."""
 
 import math
+import subprocess
+import sys
 
 import jax
 import numpy as np
@@ -116,6 +118,29 @@ def test_other_numbers_compile_nothing_anew():
                                              "disturbance.amplitude_N_m=[0,0,0]"]))  # fmt: skip
     final(second.loop, second.start, second.times)
     assert len(traces) == 1
+
+
+COMPILATIONS = """
+import sys
+import jax
+jax.config.update("jax_enable_x64", True)
+happened = []
+jax.monitoring.register_event_duration_secs_listener(lambda name, *_, **__: happened.append(name))
+from jaxsat.scenario.build.load import load
+for name in sys.argv[1:]:
+    load(name)
+print(sum("backend_compile" in name for name in happened))
+jax.numpy.arange(3.0) + 1
+print(sum("backend_compile" in name for name in happened) > 0)
+"""
+
+
+@pytest.mark.slow
+def test_xla_compiles_nothing_for_laws_sunlight_and_panels():
+    """A sum of squares compiled by XLA takes as long as building the rest of the scenario."""
+    command = [sys.executable, "-c", COMPILATIONS, "thruster-dies", "hybrid-wheels", "k2"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["0", "True"]
 
 
 def test_32_bit_floats_are_refused_with_what_to_call():
