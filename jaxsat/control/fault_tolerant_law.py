@@ -38,6 +38,7 @@ from jaxsat.control.reconfiguration import (
     Reconfiguration,
     failed_sets,
     limit_about,
+    what_is_left,
 )
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.supervisor import ThreeSlewSettling
@@ -48,7 +49,7 @@ from jaxsat.control.tolerant_rods import TolerantRods
 from jaxsat.control.tolerant_thrusters import SettlingLaws, TolerantThrusters
 from jaxsat.control.tolerant_wheels import TolerantWheels
 from jaxsat.control.two_wheels import TwoWheels
-from jaxsat.core.allocation import torque_directions, usable_share
+from jaxsat.core.allocation import torque_directions, unit_columns, usable_share
 from jaxsat.core.checks import as_array, as_float
 from jaxsat.core.declaration.law import LawDeclaration
 from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE, OSCILLATORY, PLANNED, THREE_SLEW
@@ -154,10 +155,16 @@ class Steps(NamedTuple):
 
 
 def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> FaultTolerant:
-    """Build the fault-tolerant law of a table, with a model of each kind of actuator."""
+    """Build the fault-tolerant law of a table, with a model of each kind of actuator.
+
+    Raises `UnsuitableModel` where what works at the start cannot steer three axes.
+    """
     actuators: list[AbstractTolerantActuators] = []
+    settles = False
     if context.thrusters is not None:
-        actuators.append(_tolerant_thrusters(values, context, context.thrusters))
+        thrusters = _tolerant_thrusters(values, context, context.thrusters)
+        settles = _settles(thrusters, context.wheels)
+        actuators.append(thrusters)
     if context.wheels is not None:
         actuators.append(_tolerant_wheels(values, context, context.wheels))
     return FaultTolerant(
@@ -172,9 +179,19 @@ def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> Faul
         actuators=tuple(actuators),
         period=values["period_s"],
         rods=_tolerant_rods(context),
-        magnetic=tolerant_magnetic(values, context),
+        magnetic=tolerant_magnetic(values, context, settles),
         band=_band(values["third_axis_band_rad"], context),
     )
+
+
+def _settles(thrusters: TolerantThrusters, wheels: WheelContext | None) -> bool:
+    """Whether thrusters settle all axes at the start, alone or with the wheels that work."""
+    tables = thrusters.reconfiguration
+    if wheels is None:
+        return int(tables.left[0]) != Left.LESS
+    axes = np.asarray(wheels.wheels.axes)[:, ~wheels.failed]
+    columns = np.concatenate([unit_columns(np.asarray(tables.torque)), axes, -axes], axis=1)
+    return what_is_left(columns, ()).left == Left.THREE_AXES
 
 
 def _band(band: float | None, context: LawContext) -> ThirdAxisBand | None:
@@ -267,7 +284,11 @@ def _settling(
     sets: tuple[FailedSet, ...],
     steps: Steps,
 ) -> tuple[tuple[FailedSet, ...], SettlingLaws | None]:
-    """Return the sets, and the laws of those that leave a plane; None where no set does."""
+    """Return the sets, and the laws of those that leave a plane; None where no set does.
+
+    Raises `UnsuitableModel` where a plane that is left from the start cannot be steered, and no
+    magnetorquers are beside it.
+    """
     laws: list[tuple[ThreeSlewSettling, np.ndarray, Leaks]] = []
     of_set, final_sets = [], []
     for one in sets:
@@ -275,12 +296,13 @@ def _settling(
         if one.directions is not None:
             axes = _plane_axes(context, one.directions)
             limit = limit_about(np.delete(torque, one.failed, axis=1), axes)
-            law = _law(values, context, axes, limit, steps, torque, one.failed)
-            if law is None:
+            try:
+                laws.append(_law(values, context, axes, limit, steps, torque, one.failed))
+                place = len(laws) - 1
+            except UnsuitableModel:
+                if not one.failed and context.magnetic is None:
+                    raise
                 one = one._replace(left=Left.LESS, directions=None)
-            else:
-                place = len(laws)
-                laws.append(law)
         final_sets.append(one)
         of_set.append(place)
     if not laws:
@@ -318,8 +340,9 @@ def _law(
     steps: Steps,
     torque: Float[np.ndarray, "3 m"],
     failed: tuple[int, ...],
-) -> tuple[ThreeSlewSettling, np.ndarray, Leaks] | None:
-    """Return the law of three slews in a plane, its torque directions and leaks, or None."""
+) -> tuple[ThreeSlewSettling, np.ndarray, Leaks]:
+    """Return the law of three slews in a plane, its torque directions and leaks; raises as
+    `build_three_slew`."""
     table = {
         "period_s": values["period_s"],
         "observe_ripple": True,
@@ -328,11 +351,7 @@ def _law(
         "ripple_frequency_rad_s": None,
     }
     own = context._replace(torque_axes=axes, torque_limit=limit)
-    try:
-        law = _built(three_slew_settling, table, own)
-    except UnsuitableModel:
-        return None
-    law = coasting(law, steps.pulse, steps.noise)
+    law = coasting(_built(three_slew_settling, table, own), steps.pulse, steps.noise)
     least = np.asarray(cast(ThrusterContext, context.thrusters).pulse)
     leaks, law = Leaks.of(law, torque, failed, least)
     return law, torque_directions(axes), leaks

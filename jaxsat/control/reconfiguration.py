@@ -95,11 +95,6 @@ class Ability(NamedTuple):
     left: Annotated[IntScalar, Left]
     limit: Float[Array, " m"]
 
-    @staticmethod
-    def whole(count: int) -> "Ability":
-        """The capability without failures."""
-        return Ability(jnp.array(0), jnp.array(Left.THREE_AXES), jnp.ones(count))
-
 
 class Reconfiguration(eqx.Module):
     """The `failed_sets` as tables, and the allocation of a torque to the remaining thrusters.
@@ -117,7 +112,7 @@ class Reconfiguration(eqx.Module):
     def of(
         torque: Float[np.ndarray, "3 m"], cost: Float[np.ndarray, " m"], sets: tuple[FailedSet, ...]
     ) -> "Reconfiguration":
-        """The tables of thrusters whose torques span all three axes; `cost` is of full thrust."""
+        """The tables of thrusters with these torques (N m); `cost` is of full thrust."""
         number = np.full((torque.shape[1], torque.shape[1]), -1)
         for place, one in enumerate(sets):
             if one.failed:
@@ -128,6 +123,11 @@ class Reconfiguration(eqx.Module):
             as_array(number),
             as_array(np.array([int(one.left) for one in sets])),
         )
+
+    @property
+    def whole(self) -> Ability:
+        """The capability without failures in flight."""
+        return Ability(jnp.array(0), self.left[0], jnp.ones(self.torque.shape[1]))
 
     def find(self, condition: ActuatorCondition, before: "Ability") -> "Ability":
         """The remaining capability in a `condition`; `before` is that at the last sample.

@@ -179,11 +179,14 @@ class TolerantMagnetic(eqx.Module):
         )
 
 
-def tolerant_magnetic(values: Mapping[str, Any], context: LawContext) -> TolerantMagnetic | None:
+def tolerant_magnetic(
+    values: Mapping[str, Any], context: LawContext, settles: bool
+) -> TolerantMagnetic | None:
     """The law `magnetic` with each set of wheels that leaves less than a plane of torques.
 
-    None without magnetorquers that hold all axes with any set. Raises `UnsuitableModel` where
-    nothing but they and such a set works at the start, and does not hold all axes.
+    None without magnetorquers that hold all axes with any set. Raises `UnsuitableModel` where they
+    and such a set do not hold all axes and nothing else does at the start; thrusters do if they
+    are said to have a law that `settles`.
     """
     magnetic = context.magnetic
     if magnetic is None:
@@ -195,7 +198,7 @@ def tolerant_magnetic(values: Mapping[str, Any], context: LawContext) -> Toleran
         members = np.zeros((1, 0), bool)
     working = None if context.wheels is None else members[:, ~context.wheels.failed].any(axis=1)
     begins = 0 if working is None or not working.any() else int(working.argmax())
-    alone = context.thrusters is None and (working is None or working.sum() < 2)
+    alone = not settles and (working is None or working.sum() < 2)
     laws: list[MagneticLaw | None] = []
     for number, one in enumerate(members):
         try:

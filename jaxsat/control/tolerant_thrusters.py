@@ -13,7 +13,7 @@ from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter
 from jaxsat.control.leaks import LeakMemory, Leaks
 from jaxsat.control.least_squares import Fit
 from jaxsat.control.pulse_rounding import PulseRounding
-from jaxsat.control.reconfiguration import Ability, Left, Reconfiguration
+from jaxsat.control.reconfiguration import Left, Reconfiguration
 from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
 from jaxsat.control.tolerant_actuators import (
     AbstractTolerantActuators,
@@ -89,6 +89,7 @@ class TolerantThrusters(AbstractTolerantActuators):
     else thrusters oppose what flows out of failed ones, and besides fire against rates, which takes
     energy out. During an alarm the suspect and its rivals in turn give test pulses, or gaps where
     they push most of the time. Failed thrusters give pulses now and then to detect a recovery.
+    Those that had failed before the start are not among them.
     """
 
     filter: ThrusterFilter
@@ -114,7 +115,7 @@ class TolerantThrusters(AbstractTolerantActuators):
             zero,
             jnp.zeros(3, state.omega.dtype),
         )
-        return TolerantMemory(diagnosis, Ability.whole(thrusters.count), zero, zero[0], own)
+        return TolerantMemory(diagnosis, self.reconfiguration.whole, zero, zero[0], own)
 
     def needed(self, memory: TolerantMemory) -> Bool[Array, " m"]:
         """Thrusters whose loss leaves less than three axes, or a set without a table."""

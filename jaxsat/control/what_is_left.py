@@ -32,14 +32,15 @@ LEFT: Mapping[Laws, WhatFlies] = {
         ("quaternion-feedback",),
     ),
     "two torques": WhatFlies(
-        "the laws for two torques apply, in the plane of the torques of both signs",
+        "the laws for two torques apply, in the plane of the torques of both signs; so does the "
+        "law fault-tolerant, for tables [[thruster]] and without [[wheel]]",
         (
             TolerantMode.STOPPING,
             TolerantMode.SLEWING,
             TolerantMode.OSCILLATING,
             TolerantMode.HOLDING,
         ),
-        ("three-slew", "oscillatory", "planned"),
+        ("three-slew", "oscillatory", "planned", "fault-tolerant"),
     ),
     "two wheels": WhatFlies(
         "the laws for two torques apply, by wheels without momentum about their normal, and the "

@@ -68,6 +68,8 @@ def _law_has_its_torques(values):
     failed, torques = values["spacecraft.failed_thrusters"], declaration.torques
     if axes is None or not torques or any(values[one.name] for one in ACTUATORS):
         return
+    if declaration.commands_actuators:
+        return  # which refuses them by a rule of its own
     if any(number > len(axes) for number in failed):
         return
     try:

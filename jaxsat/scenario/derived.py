@@ -13,7 +13,6 @@ from jaxsat.core.allocation import (
     least_propellant,
     least_squares_map,
     plane_map,
-    pushed_directions,
     torque_axis,
     torque_directions,
     unit_columns,
@@ -39,7 +38,7 @@ def believed_axes(scenario: Any) -> Float[np.ndarray, "3 m"]:
     if makers.thrusters:
         if makers.law.torques == 1:
             return torque_axis(unit_columns(makers.pushes))[:, None]
-        return pushed_directions(makers.pushes)
+        return makers.driven_directions
     return working_axes(table.thruster_torque_axes or (), table.failed_thrusters)
 
 
@@ -77,22 +76,29 @@ def torque_limit(scenario: Any) -> float | None:
     torques = makers.law.torques
     if limit is not None or not torques:
         return limit
-    if makers.relieved and not makers.thrusters_make_all:
+    if makers.relieved and not makers.thrusters_make_all and makers.all_ways:
         return makers.limit_of_both
     limits = [makers.wheel_limit]
-    if makers.thrusters and not makers.wheels_make_all:
-        torque, cost, command = command_torques(scenario, torques)
-        least_propellant(torque, cost, command)  # raises where some command cannot be made
-        limits.append(largest_torque(torque, 0.0, 1.0, command))
+    if makers.pushes.size and not makers.wheels_make_all:
+        try:
+            torque, cost, command = command_torques(scenario)
+            least_propellant(torque, cost, command)
+            limits.append(largest_torque(torque, 0.0, 1.0, command))
+        except ValueError:
+            if not makers.law.commands_actuators:
+                raise
     return min((one for one in limits if one is not None), default=None)
 
 
-def command_torques(scenario: Any, torques: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def command_torques(scenario: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Full-thrust torques (N m) of the working thrusters, their costs, and the torque per unit
-    command."""
+    command.
+
+    Raises `ValueError` where their plane contains no such torques.
+    """
     makers = TorqueMakers.of(scenario)
-    any_plane = makers.law.any_plane and not makers.working_wheels
-    return makers.pushes, thruster_costs(scenario), plane_map(makers.pushes, torques, any_plane)
+    command = plane_map(makers.pushes, *makers.asked_of_thrusters)
+    return makers.pushes, thruster_costs(scenario), command
 
 
 def ideal_shares(scenario: Any, axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "m torques"]:

@@ -38,7 +38,7 @@ def _idle_thrusters(scenario: Scenario) -> Iterator[Issue]:
         )
         yield Issue(("thruster",), message)
         return
-    torque, _, command = command_torques(scenario, 2)
+    torque, _, command = command_torques(scenario)
     owners = np.array([place for place in working for _ in signs(makers.thrusters[place])])
     used = owners[columns_in_use(torque, command @ left)]
     idle = [place for place in working if place not in used]

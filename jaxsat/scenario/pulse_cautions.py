@@ -34,10 +34,11 @@ def pulse_cautions(scenario: Scenario) -> Iterator[Issue]:
     three = scenario.law.declaration.torques == 3
     if not scenario.thruster or kind == "ideal" or not three or frequency is None:
         return
-    axes = TorqueMakers.of(scenario).axes
+    makers = TorqueMakers.of(scenario)
+    axes = makers.axes
     if np.linalg.matrix_rank(axes, tol=PLANE) == 2:
         yield from _coarse_about_one_axis(scenario, np.linalg.svd(axes)[0][:, 2])
-    elif not scenario.wheel:
+    elif not scenario.wheel and makers.thrusters_make_all:
         yield from _dead_zone(scenario, kind)
         yield from _coarse_pulses(scenario)
 

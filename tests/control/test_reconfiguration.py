@@ -12,7 +12,6 @@ from scipy.optimize import linprog
 from helpers.thruster_layouts import allocated, canted, pairs
 from jaxsat.control.diagnosis.residual import ActuatorCondition
 from jaxsat.control.reconfiguration import (
-    Ability,
     Left,
     Reconfiguration,
     failed_sets,
@@ -133,8 +132,8 @@ def found(torque, part, flow, before=None):
     condition = ActuatorCondition.sound(count)._replace(
         failed=part < 1, part=part, flow=jnp.asarray(flow) * jnp.ones(count)
     )
-    whole = Ability.whole(count)
-    return eqx.filter_jit(tables(torque).find)(condition, before or whole)
+    made = tables(torque)
+    return eqx.filter_jit(made.find)(condition, before or made.whole)
 
 
 @pytest.mark.slow
@@ -161,7 +160,8 @@ def test_a_weak_thruster_is_used_only_where_it_is_needed():
 def test_a_weak_thruster_helps_to_oppose_a_stuck_one_where_others_do_not():
     """With little to spare, by SciPy; more is asked of others before a helper is left out again."""
     torque = canted()[0]
-    find, whole, helped = eqx.filter_jit(tables(torque).find), Ability.whole(8), 0
+    made, helped = tables(torque), 0
+    find, whole = eqx.filter_jit(made.find), made.whole
     for stuck, weak in itertools.permutations(range(8), 2):
         failed = np.isin(np.arange(8), (stuck, weak))
         if what_is_left(torque, tuple(np.flatnonzero(failed).tolist())).left != Left.THREE_AXES:
@@ -244,7 +244,7 @@ def test_a_program_for_many_thrusters_is_as_long_as_one_for_few():
 
         def step(failed, flow, wanted):
             condition = ActuatorCondition(failed, 1 - flow, flow, wanted, jnp.array(0.0))
-            ability = made.find(condition, Ability.whole(count))
+            ability = made.find(condition, made.whole)
             return made.allocate(ability.limit, wanted, made.torque @ flow)
 
         return str(jax.make_jaxpr(step)(jnp.zeros(count, bool), jnp.zeros(count), jnp.zeros(3)))

@@ -1,7 +1,4 @@
-"""The table of what is left: the verdict before the flight, and what the law does in it.
-
-Thrusters come to a plane of torques in flight alone: `test_fault_tolerant`.
-"""
+"""The table of what is left: the verdict before the flight, and what the law does in it."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -17,17 +14,22 @@ REST = ["initial.omega_rad_s=[0,0,0]", "failure=[]"]
 SPUN = ["initial.omega_rad_s=[1e-3,5e-4,-8e-4]", "failure=[]"]
 
 
-def wheels_of(scenario, *failed):
-    """A scenario with some wheels, numbered from 0, failed before the start."""
+def without(scenario, kind, *failed):
+    """A scenario with some actuators of a kind, numbered from 0, failed before the start."""
     own = [
         one.model_copy(update={"failed": place in failed})
-        for place, one in enumerate(scenario.wheel)
+        for place, one in enumerate(getattr(scenario, kind))
     ]
-    return scenario.model_copy(update={"wheel": tuple(own)})
+    return scenario.model_copy(update={kind: tuple(own)})
+
+
+def wheels_of(scenario, *failed):
+    return without(scenario, "wheel", *failed)
 
 
 CASES = {
     "three torques": lambda: wheels_of(load("wheels-fail", REST), 0),
+    "two torques": lambda: without(load("thruster-dies", REST), "thruster", 5),
     "two wheels": lambda: wheels_of(load("wheels-fail", REST), 0, 1),
     "nearest attitude": lambda: wheels_of(load("wheels-fail", SPUN), 0, 1),
     "magnetic": lambda: wheels_of(load("cubesat-3w3m", REST), 0),

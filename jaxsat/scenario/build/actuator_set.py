@@ -103,9 +103,11 @@ def fitting_laws(scenario: Scenario, judgement: Judgement) -> list[str]:
     """Names of the laws of jaxsat for what a judgement of the scenario says is left.
 
     They are those of `LEFT`, after the one that finds failures of wheels and thrusters where some
-    strike in flight.
+    strike in flight. Laws that command each actuator do not suit ideal thrusters.
     """
     names = LEFT[judgement.laws].laws
+    if scenario.spacecraft.thruster_torque_axes is not None:
+        names = tuple(name for name in names if name != FAULT_TOLERANT)
     finds_failures = scenario.failure and (scenario.wheel or scenario.thruster)
     first = (FAULT_TOLERANT,) if finds_failures else ()
     return list(dict.fromkeys(first + names))

@@ -41,17 +41,16 @@ def build_thrusters(scenario: Scenario) -> AbstractEffector | None:
     """
     makers = TorqueMakers.of(scenario)
     torques = makers.law.torques
-    none = not (makers.thrusters or scenario.spacecraft.thruster_torque_axes)
+    if makers.law.commands_actuators:
+        return pulsed_thrusters(scenario) if makers.pushes.size else None
+    none = not (makers.pushes.size or scenario.spacecraft.thruster_torque_axes)
     idle = makers.wheels and torques and (none or makers.wheels_make_all)
-    if makers.wheels and makers.law.commands_actuators:
-        if not makers.thrusters:
-            return None
-    elif idle and not makers.relieved:
+    if idle and not makers.relieved:
         return None
-    if makers.thrusters:
-        return pulsed_thrusters(scenario, torques)
     if none and any(getattr(scenario, name) for name in STEERED):
         return None
+    if makers.thrusters:
+        return pulsed_thrusters(scenario)
     ideal, table = ideal_thrusters(scenario, torques), scenario.actuators
     if table is None:
         return failing(scenario, ideal)

@@ -32,8 +32,8 @@ from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
 from jaxsat.spacecraft.thrusters import ThrusterSet
 
 
-def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
-    """Return the working thrusters, their allocation for this number of torques, and failures."""
+def pulsed_thrusters(scenario: Scenario) -> PulsedThrusters:
+    """Return the working thrusters, their allocation for the law's torques, and failures."""
     working = [one for one in scenario.thruster if not one.failed]
     draws_delay = getattr(scenario.dispersion, "delay_s", None) is not None
     delay = draws_delay or (scenario.sampling is not None and scenario.sampling.delay_s > 0)
@@ -43,10 +43,11 @@ def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
     makers = TorqueMakers.of(scenario)
     as_commanded = makers.law.commands_actuators
     behind = makers.relieved and (makers.wheels_make_all or not makers.thrusters_make_all)
-    command = command_torques(scenario, torques or 3)
     return PulsedThrusters(
         thrusters=thrusters,
-        allocation=None if as_commanded else LeastPropellant.of(*command, tabled=not behind),
+        allocation=None
+        if as_commanded
+        else LeastPropellant.of(*command_torques(scenario), tabled=not behind),
         modulation=_modulation(scenario),
         failures=thruster_failures(scenario.failure, scenario.thruster),
         late=late or thrusters.valve_delay is not None or has_invalid_samples(scenario),
@@ -54,10 +55,11 @@ def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
 
 
 def thruster_context(scenario: Scenario) -> ThrusterContext | None:
-    """Return the model of working thrusters for a law that commands each; None for others."""
-    if not scenario.law.declaration.commands_actuators or not scenario.thruster:
-        return None
+    """Return the model of working thrusters for a law that commands each; None for others, and
+    where none works."""
     working = [one for one in scenario.thruster if not one.failed]
+    if not scenario.law.declaration.commands_actuators or not working:
+        return None
     thrusters = _thruster_set(working)
     zero = np.zeros(thrusters.count)
     delay = 0.0 if scenario.sampling is None else scenario.sampling.delay_s

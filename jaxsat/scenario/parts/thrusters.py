@@ -7,7 +7,7 @@ import numpy as np
 from annotated_types import Gt, Le
 
 from jaxsat.core.allocation import least_propellant, plane_map, require_all_ways, unit_columns
-from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.declaration.actuators import ACTUATORS, STEERED
 from jaxsat.core.declaration.thrusters import THRUSTER
 from jaxsat.core.ranges import SECONDS
 from jaxsat.scenario.errors import Issue
@@ -23,6 +23,8 @@ STANDARD_GRAVITY = 9.80665
 
 MAX_THRUSTERS = 24
 """Largest number of thrusters for which the table of bases stays small."""
+
+AXES = "spacecraft.thruster_torque_axes"
 
 NO_ARM = 1e-12
 """Moment arm that is treated as zero, relative to the thruster's distance: round-off."""
@@ -140,11 +142,27 @@ def _thrusters_need_a_sampled_law(thrusters, law):
         )
 
 
-@rule("thruster", "wheel", "magnetorquer", "control.law")
-def _a_law_that_commands_actuators_has_some(thrusters, wheels, magnetorquers, law):
-    if law.declaration.commands_actuators and not (thrusters or wheels or magnetorquers):
+@rule("thruster", "wheel", "magnetorquer", AXES, "control.law")
+def _a_law_that_commands_actuators_has_some(thrusters, wheels, magnetorquers, axes, law):
+    if not law.declaration.commands_actuators:
+        return
+    if axes is not None and not thrusters:
+        message = f'must not be given under the law "{law}", which commands each actuator'
+        yield at(AXES, f"{message} (it takes [[thruster]]), got {len(axes)}")
+    elif not (thrusters or wheels or magnetorquers):
         message = f'must be given under the law "{law}", or [[wheel]], or [[magnetorquer]]'
         yield at("thruster", f"{message}, got none", True)
+
+
+def _others_fly(makers: TorqueMakers, steered: bool) -> bool:
+    """Whether other actuators may fly without torques of thrusters, so that rules of theirs decide.
+
+    `steered` tells of those with a steering of their own that work.
+    """
+    commands = makers.law.commands_actuators
+    if makers.pushes.size:
+        return steered and commands
+    return steered or bool(makers.wheels and commands)
 
 
 def _whole(thrusters) -> bool:
@@ -154,16 +172,17 @@ def _whole(thrusters) -> bool:
     )
 
 
-@rule("thruster", "control.law", "wheel")
-def _thrusters_make_what_the_law_commands(thrusters, law, wheels):
+@rule("thruster", "control.law", "wheel", *STEERED)
+def _thrusters_make_what_the_law_commands(thrusters, law, wheels, *steered):
     makers = TorqueMakers(wheels, thrusters, law.declaration)
     torques, beside = law.declaration.torques, bool(makers.working_wheels)
-    any_plane = law.declaration.any_plane and not beside
     if beside and torques and makers.wheels_make_all:
         return
     if not torques or not thrusters or not _whole(thrusters) or len(thrusters) > MAX_THRUSTERS:
         return
     torque = makers.pushes
+    if _others_fly(makers, any(not one.failed for tables in steered for one in tables)):
+        return
     together = beside and makers.together
     try:
         if not torque.size:
@@ -172,7 +191,7 @@ def _thrusters_make_what_the_law_commands(thrusters, law, wheels):
             axes = makers.axes
             require_all_ways(np.concatenate([unit_columns(torque), axes, -axes], axis=1))
         else:
-            command_map = plane_map(torque, torques, any_plane)
+            command_map = plane_map(torque, *makers.asked_of_thrusters)
             least_propellant(torque, np.ones(torque.shape[1]), command_map)
     except ValueError as error:
         message = (

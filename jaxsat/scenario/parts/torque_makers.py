@@ -10,6 +10,7 @@ from jaxtyping import Float
 from jaxsat.core.allocation import (
     largest_torque,
     least_squares_map,
+    pushed_directions,
     require_all_ways,
     torque_directions,
     unit_columns,
@@ -83,11 +84,33 @@ class TorqueMakers:
     @property
     def thrusters_make_all(self) -> bool:
         """Whether thrusters make torques of either sign about all three axes by themselves."""
+        return _all_ways(self.pushes)
+
+    @property
+    def all_ways(self) -> bool:
+        """Whether wheels and thrusters together make torques of either sign about all axes."""
+        axes = self.axes
+        return _all_ways(np.concatenate([unit_columns(self.pushes), axes, -axes], axis=1))
+
+    @property
+    def asked_of_thrusters(self) -> tuple[int, bool]:
+        """Number of torques that a law needs of thrusters, and whether two may be in any plane.
+
+        A law that commands each actuator flies without wheels by two torques.
+        """
+        law = self.law
+        if law.commands_actuators and not self.wheels and not self.thrusters_make_all:
+            return 2, True
+        return law.torques or 3, law.any_plane and not self.working_wheels
+
+    @property
+    def driven_directions(self) -> Float[np.ndarray, "3 k"]:
+        """Unit columns of the torques that thrusters make in both senses, one for each axis where
+        these are less than two."""
         try:
-            require_all_ways(self.pushes)
+            return pushed_directions(self.pushes)
         except ValueError:
-            return False
-        return True
+            return unit_columns(self.pushes)
 
     @property
     def together(self) -> bool:
@@ -126,6 +149,14 @@ class TorqueMakers:
         limits = np.array([one.torque_limit_N_m or unbounded for one in self.working_wheels])
         columns = np.concatenate([unit_columns(self.pushes), self.axes], axis=1)
         return largest_torque(columns, np.r_[0 * full, -limits], np.r_[full, limits], np.eye(3))
+
+
+def _all_ways(torque: Float[np.ndarray, "3 m"]) -> bool:
+    try:
+        require_all_ways(torque)
+    except ValueError:
+        return False
+    return True
 
 
 def wheel_axes(wheels: Tables) -> Float[np.ndarray, "3 k"]:

@@ -139,9 +139,8 @@ def _wheels_and_thrusters_make_what_the_law_commands(values):
     declaration = law.declaration
     torques = declaration.torques
     if declaration.commands_actuators:
-        if wheels:
-            beside = bool(thrusters) or any(not one.failed for one in values["magnetorquer"])
-            yield from _diagnosis_issues(law, wheels, beside, axes)
+        others = (*thrusters, *values["magnetorquer"])
+        yield from _diagnosis_issues(law, wheels, any(not one.failed for one in others))
         return
     if wheels and torques == 1:
         yield at("wheel", f'must be left out under the law "{law}", which knows thrusters alone')
@@ -161,13 +160,10 @@ def _wheels_and_thrusters_make_what_the_law_commands(values):
         )
 
 
-def _diagnosis_issues(law, wheels, beside, axes):
-    """Yield issues under a law that commands each wheel; `beside` tells of other actuators."""
+def _diagnosis_issues(law, wheels, beside):
+    """Yield issues under a law that commands each wheel; `beside` tells of others that work."""
     what = f'under the law "{law}", which diagnoses wheels'
-    if axes:
-        key = "spacecraft.thruster_torque_axes"
-        yield at(key, f"must not be given {what} ([[thruster]] is diagnosed), got {len(axes)}")
-    if not beside and np.trace(left_by_wheels(wheels, 3)) > 1 + MISSING:
+    if wheels and not beside and np.trace(left_by_wheels(wheels, 3)) > 1 + MISSING:
         count = sum(not one.failed for one in wheels)
         message = (
             "must leave torques about two axes at least where neither thrusters nor magnetorquers "

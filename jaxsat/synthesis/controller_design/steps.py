@@ -195,6 +195,8 @@ class DesignRun:
         row = next(row for row in screening.rows if row.setting.law == best.name)
         if not best.tunable:
             return None, f"{best.name} has no gains that are keys of [control]"
+        if not _has_derivatives(best.scenario):
+            return None, f"alarms and pulses of {best.name} have no derivatives"
         if row.settled.value == 0:
             return None, f"{best.name} settled no case, so the cost cannot rank gains"
         table = self._tuning_table(best)
@@ -211,7 +213,7 @@ class DesignRun:
         """Return the final scenario: gains written out, and a table to tune them again."""
         scenario = written_out(chosen.scenario)
         changes: dict[str, Any] = {"title": f"{self.original.title[:150]}, designed"}
-        if chosen.tunable:
+        if chosen.tunable and _has_derivatives(scenario):
             table = self._tuning_table(Candidate(chosen.name, scenario))
             changes["tuning"] = table if table.parameters else None
         return scenario.model_copy(update=changes)
@@ -263,6 +265,11 @@ class DesignRun:
                 continue
             measurements.append(Remedy(change, int(again.sum()), len(failing)))
         return tuple(measurements)
+
+
+def _has_derivatives(scenario: Scenario) -> bool:
+    """Whether gains can be tuned by derivatives, or by a `[tuning]` table that takes none."""
+    return scenario.tuning is not None or not scenario.law.declaration.commands_actuators
 
 
 def _up_to_enough(

@@ -2,14 +2,17 @@
 
 import itertools
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 
 from jaxsat.cli.scenarios import check
+from jaxsat.control.what_is_left import LEFT
 from jaxsat.core.allocation import least_propellant, plane_map, pushed_directions
 from jaxsat.scenario import ScenarioError
+from jaxsat.scenario.build.actuator_set import judge_scenario
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.derived import torque_limit
@@ -126,3 +129,92 @@ def test_check_names_the_commands_that_take_a_vehicle(tmp_path, capsys):
     assert check("one-torque-damping") == 0
     assert "not for design: --law: must be given, as one-torque" in capsys.readouterr().out
     assert check(str(_file(tmp_path, REST.replace("period_s", "perid_s"), INERTIA, rows))) == 2
+
+
+DIRECTIONS = ("[1,0,0.3]", "[-1,0,-0.3]", "[0,1,0]", "[0,-1,0]", "[0,0,1]", "[0,0,-1]")
+AXES = ("[1, 0, 0]", "[0, 1, 0]", "[0, 0, 1]")
+TOLERANT = REST.replace('"three-slew"', '"fault-tolerant"\nnatural_frequency_rad_s = 0.05')
+
+TOLERANT_IN_ORBIT = TOLERANT.replace("rate_rad_s = 0.0", "altitude_km = 600")
+
+
+def _some(table, keys, axes, working):
+    failed = (f"failed = {str(number not in working).lower()}" for number in range(len(axes)))
+    rows = (f"{keys}{axis}\n{gone}\n" for axis, gone in zip(axes, failed, strict=True))
+    return "".join(f"[[{table}]]\n{row}" for row in rows)
+
+
+def jets(*working):
+    return _some("thruster", "torque_N_m = 0.01\ntorque_axis = ", DIRECTIONS, working)
+
+
+def wheels(*working):
+    return _some("wheel", "torque_limit_N_m = 0.005\naxis = ", AXES, working)
+
+
+def rods(*working):
+    return _some("magnetorquer", "dipole_limit_A_m2 = 1\naxis = ", AXES, working)
+
+
+LEVEL = _some(
+    "thruster",
+    "torque_N_m = 0.01\ntorque_axis = ",
+    ("[1,0,0]", "[-1,0,0]", "[0,1,0]", "[0,-1,0]"),
+    range(4),
+)
+BARE = {
+    "a plane": jets(0, 1, 2, 3, 4),
+    "a plane and no more": jets(0, 1, 2, 3),
+    "a wedge": jets(0, 2, 4),
+    "nothing": jets(),
+    "a wedge, rods": jets(1, 3, 4) + rods(0, 1, 2),
+    "one thruster, rods": jets(4) + rods(0, 1, 2),
+    "one thruster, a rod": jets(4) + rods(2),
+    "no thruster, rods": jets() + rods(0, 1, 2),
+    "no thruster, two wheels": jets() + wheels(0, 1),
+    "no thruster, a wheel": jets() + wheels(0),
+    "no thruster, a wheel, rods": jets() + wheels(1) + rods(0, 1, 2),
+    "a plane, a wheel": jets(0, 1, 2, 3) + wheels(2),
+    "a plane, failed rods": jets(0, 1, 2, 3, 4) + rods(),
+}
+"""Actuators, some of which had failed before the start."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("left", BARE)
+def test_the_law_of_each_actuator_takes_what_is_left_where_controllability_names_it(left, tmp_path):
+    """Its own check and the laws that fit agree, and what it takes it flies: one step at least."""
+    path = _file(tmp_path, TOLERANT_IN_ORBIT, INERTIA, BARE[left], MODULATION)
+    judgement = judge_scenario(load(path, purpose="motion"))
+    flies = judgement.laws == "three torques" or "fault-tolerant" in LEFT[judgement.laws].laws
+    try:
+        run = build(load(path, caution=print))
+    except ScenarioError:
+        assert not flies
+        return
+    assert flies
+    assert isinstance(run.loop, SampledLoop)
+    law, start = run.loop.controller, run.loop.plant.complete(run.start)
+    command, memory = eqx.filter_jit(law.step)(jnp.zeros(()), start, law.init(start))
+    assert np.isfinite(command).all()
+    assert int(law.mode(memory)) in LEFT[judgement.laws].modes
+    run.loop.distribution(jnp.zeros(()), start, command, run.loop.plant.effectors)
+
+
+def test_a_plane_that_cannot_be_steered_is_refused_as_under_the_laws_of_two_torques(tmp_path):
+    even = INERTIA.replace("[1.0, 0.7, 0.5]", "[0.7, 0.7, 0.5]")
+    for text in (TOLERANT, REST):
+        with pytest.raises(ScenarioError, match=r"spacecraft.inertia_kg_m2.*S1 = 0.7"):
+            load(_file(tmp_path, text, even, LEVEL, MODULATION))
+
+
+@pytest.mark.parametrize("beside", ["", wheels(0, 1, 2), rods(0, 1, 2)])
+def test_a_law_of_each_actuator_refuses_ideal_thrusters_once(beside, tmp_path):
+    axes = "thruster_torque_axes = [[1, 0, 0], [0, 1, 0]]\n"
+    with pytest.raises(ScenarioError) as caught:
+        load(_file(tmp_path, TOLERANT_IN_ORBIT, INERTIA, axes, beside))
+    (problem,) = caught.value.problems
+    assert problem.key == "spacecraft.thruster_torque_axes"
+    assert '"fault-tolerant", which commands each actuator (it takes [[thruster]])' in (
+        problem.message
+    )
