@@ -101,10 +101,10 @@ class WheelAllocation(eqx.Module):
             int(Left.THREE_AXES),
             jnp.where(minors > plane * trace, int(Left.PLANE), int(Left.LESS)),
         )
-        # No torque is demanded along a plane's normal; a term there makes gram invertible.
-        more = jnp.where(left == Left.THREE_AXES, 0.0, trace) * jnp.outer(normal, normal)
-        more = more + jnp.where(left == Left.LESS, trace + SMALLEST, 0.0) * jnp.eye(3)
-        filled = gram + more
+        # No torque is demanded along a plane's normal; a term there makes gram invertible. With
+        # wheels along one axis, gram is trace times the projector onto it.
+        filled = gram + jnp.where(left == Left.PLANE, trace, 0.0) * jnp.outer(normal, normal)
+        filled = jnp.where(left == Left.LESS, (trace + SMALLEST) * jnp.eye(3), filled)
         cofactors = adjugate(filled)
         inverse = cofactors / (jnp.sum(filled[0] * cofactors[0]) + SMALLEST)
         return Wheeled(usable, left, normal, (weight[None] * axes).T @ inverse)

@@ -83,6 +83,21 @@ def test_what_is_left_is_what_singular_values_say(failed, left):
         np.testing.assert_allclose(np.delete(shared, failed), [0.02, -0.05], atol=1e-14)
 
 
+@pytest.mark.parametrize("failed", [(0, 1, 2), (1, 2, 3), (0, 2)])
+def test_what_is_left_takes_the_whole_momentum_that_it_can(failed):
+    """One wheel that part about its axis, two that in their plane, by NumPy's pseudo-inverse."""
+    made, kept = allocation(), np.delete(np.arange(4), failed)
+    found = find(made, condition(4, failed), jnp.zeros(4))
+    expected = np.zeros((4, 3))
+    expected[kept] = np.linalg.pinv(PYRAMID[:, kept])
+    np.testing.assert_allclose(found.shares, expected, atol=1e-12)
+    stored = np.arange(1.0, 5.0) * np.isin(np.arange(4), kept)
+    np.testing.assert_allclose(found.shares @ (PYRAMID @ stored), stored, atol=1e-12)
+    if len(kept) == 1:
+        most = float(made.largest_momentum(found, jnp.zeros(3)))
+        assert most == pytest.approx(MOST_MOMENTUM * 20.0)
+
+
 def test_torques_beyond_the_limits_keep_their_direction():
     made = allocation()
     found = find(made, condition(4, (0,)), jnp.zeros(4))
