@@ -18,13 +18,14 @@ from jaxsat.control.wheel_allocation import Wheeled
 from jaxsat.core.array_types import BoolScalar, IntScalar
 from jaxsat.core.checks import as_array
 from jaxsat.core.declaration.magnetic import MAGNETIC_CONTROL
+from jaxsat.core.quotients import SMALLEST
 from jaxsat.spacecraft.dynamics import PlantState
 
 PARALLEL = 1e-9
 """One less the cosine of the angle between two axes that count as one."""
 
-SMALLEST = 1e-30
-"""Keeps a quotient of two zeros finite, and is a rate (rad/s) below which no body is."""
+NO_RATE = 1e-30
+"""Rate (rad/s) below which no body is."""
 
 NOWHERE = -1
 """Number of the set while another law flies."""
@@ -175,7 +176,7 @@ class TolerantMagnetic(eqx.Module):
             laws,
             steering=dataclasses.replace(laws.steering, wanted=wanted, bias=bias, wheel_axes=used),
             gain=PeriodicGain(gain.gains, basis, gain.rate, (number,)),
-            pointing_rate=jnp.where(points, laws.pointing_rate, SMALLEST),
+            pointing_rate=jnp.where(points, laws.pointing_rate, NO_RATE),
         )
 
 

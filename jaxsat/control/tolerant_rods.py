@@ -15,7 +15,7 @@ from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.control.tolerant_actuators import Sample
 from jaxsat.core.array_types import BoolScalar, Matrix, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
-from jaxsat.core.quotients import root
+from jaxsat.core.quotients import SMALLEST, root
 from jaxsat.spacecraft.allocation import allocate
 from jaxsat.spacecraft.magnetorquers import MagneticSteering
 
@@ -44,9 +44,6 @@ above which magnetorquers unload body and wheels instead, and below which they h
 
 HURRY = 0.2
 """Unloading rate of body and wheels while nothing drives an axis, over the natural frequency."""
-
-SMALLEST = 1e-30
-"""Keeps a dimensionless quotient of two zeros finite."""
 
 
 class RodMemory(NamedTuple):

@@ -27,6 +27,7 @@ from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import DCM, Quaternion
 from jaxsat.core.checks import not_negative
 from jaxsat.core.declaration.three_torques import FULL
+from jaxsat.core.quotients import SMALLEST
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import Reach
 
@@ -61,9 +62,6 @@ KNOWN = 0.5
 
 NEAR = 0.02
 """Angle (rad) to the target within which a held attitude counts as the target."""
-
-SMALLEST = 1e-30
-"""Keeps a quotient of two zeros finite."""
 
 
 class WheelLawMemory(NamedTuple):
