@@ -298,6 +298,7 @@ class FaultTolerant(AbstractSampledController):
             tuple(now.ability.left == Left.THREE_AXES for _, now in kinds),
             tuple(one.alone(now) for one, now in kinds),
             tuple(one.stored(sample.reading) is not None for one in self.actuators),
+            tuple(one.momentum_price(sample, now) for one, now in kinds),
         )
 
     def _unloading(

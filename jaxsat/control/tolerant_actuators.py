@@ -13,6 +13,7 @@ from jaxsat.control.diagnosis.residual import AbstractResidualFilter, Reading
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.control.wheel_allocation import Wheeled
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
+from jaxsat.spacecraft.allocation import MomentumPrice
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import Reach
 
@@ -187,6 +188,11 @@ class AbstractTolerantActuators(eqx.Module):
         """Whether other actuators should unload momentum (hysteresis by `unloads`), and the torque
         (N m)."""
         return jnp.zeros_like(unloads), jnp.zeros_like(sample.state.omega)
+
+    def momentum_price(self, sample: Sample, memory: TolerantMemory) -> MomentumPrice:
+        """Return the price of momentum that other actuators make them store."""
+        count = memory.commanded.shape[0]
+        return MomentumPrice(jnp.zeros((count, 3)), jnp.zeros(count))
 
     def slowed(self, sample: Sample, memory: TolerantMemory) -> QuaternionFeedback:
         """Return the law with the slew rate limited to the momentum that they can store."""

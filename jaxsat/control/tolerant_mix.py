@@ -14,7 +14,7 @@ from jaxsat.control.reconfiguration import FLAT, LEAST_SPARE, SMALL
 from jaxsat.control.tolerant_actuators import Demand
 from jaxsat.core.array_types import BoolScalar, Matrix, RealScalar, Vector
 from jaxsat.core.quotients import root
-from jaxsat.spacecraft.allocation import allocate, allocate_unloading
+from jaxsat.spacecraft.allocation import MomentumPrice, allocate, allocate_unloading
 from jaxsat.spacecraft.effector import Reach
 
 
@@ -55,7 +55,9 @@ class Mix(NamedTuple):
     """Capabilities of all kinds of actuators at one sample.
 
     `reaches` are their ranges, `steady` the torques (N m) against constant disturbances. `three`:
-    which drive three axes; `alone`: which settle alone; `stores`: which store momentum.
+    which drive three axes; `alone`: which settle alone; `stores`: which store momentum. `momentum`
+    has the price of momentum of each kind, used where the kinds that store none do not drive three
+    axes: there is a direction in which they cannot take momentum out.
     """
 
     reaches: tuple[Reach, ...]
@@ -63,6 +65,7 @@ class Mix(NamedTuple):
     three: tuple[BoolScalar, ...]
     alone: tuple[BoolScalar, ...]
     stores: tuple[bool, ...]
+    momentum: tuple[MomentumPrice, ...]
 
     @property
     def reach(self) -> Reach:
@@ -130,6 +133,7 @@ class Mix(NamedTuple):
             stores,
             unloading.first,
             lambda use: unloading.part(reach.columns * use[None]),
+            self._momentum_price(),
         )
         uses = jnp.split(allocated.use, _ends(self.reaches))
         settled = jnp.stack(self.alone)
@@ -148,6 +152,13 @@ class Mix(NamedTuple):
                 )
             )
         return demands, jnp.where(three, allocated.unmade, 0.0)
+
+    def _momentum_price(self) -> MomentumPrice:
+        """Return the price of momentum of all kinds together."""
+        kinds = zip(self.three, self.stores, strict=True)
+        empties = jnp.any(jnp.stack([three for three, stores in kinds if not stores]))
+        shares, price = (jnp.concatenate(one) for one in zip(*self.momentum, strict=True))
+        return MomentumPrice(shares, jnp.where(empties, 0.0, price))
 
 
 def _ends(reaches: tuple[Reach, ...]) -> list[int]:

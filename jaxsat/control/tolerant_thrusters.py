@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.control.diagnosis.diagnosis import DiagnosisMemory
-from jaxsat.control.diagnosis.residual import Reading, momentum_with_rotors
+from jaxsat.control.diagnosis.residual import Reading
 from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter
 from jaxsat.control.leaks import LeakMemory, Leaks
 from jaxsat.control.least_squares import Fit
@@ -25,7 +25,6 @@ from jaxsat.control.tolerant_actuators import (
 )
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.checks import as_float
-from jaxsat.core.quotients import root
 from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import Reach
@@ -39,13 +38,6 @@ on and one that pushes nearly all the time look alike until a gap."""
 
 QUIET_SIGMAS = 4.0
 """Rate about a thruster's torque, in sigmas of the noise, below which it is not damped."""
-
-FILLING = 0.9
-"""Weight, below 1, of the momentum that a thruster gives wheels which none can unload; the dearest
-thruster then costs 19 times its propellant, the cheapest a nineteenth."""
-
-LITTLE = 0.02
-"""Momentum below which that weight fades, over the largest momentum of a wheel."""
 
 
 class ThrusterLawMemory(NamedTuple):
@@ -144,30 +136,10 @@ class TolerantThrusters(AbstractTolerantActuators):
         return -(self.filter.thrusters.torque @ condition.flow + besides)
 
     def reach(self, sample: Sample, memory: TolerantMemory) -> Reach:
-        """Return the range of duties, priced by propellant and momentum that stays in wheels."""
+        """Return the range of duties, priced by propellant: the dearest torque has the price 1."""
         high, duties = memory.ability.limit, self.reconfiguration.duties
-        price = duties.price * duties.size * self._filling(sample, memory)
+        price = duties.price * duties.size
         return Reach(self.reconfiguration.torque, jnp.zeros_like(high), high, price)
-
-    def _filling(self, sample: Sample, memory: TolerantMemory) -> RealScalar | Float[Array, " m"]:
-        """Return the price factor of each thruster for the momentum that it gives wheels.
-
-        Where thrusters alone do not drive three axes, there is a direction in which none unloads
-        wheels. The price of a thruster then depends on the cosine c between its torque and the
-        momentum H of body and wheels, (1 + FILLING c) / (1 - FILLING c): as d|H|²/dt = 2 H · τ, the
-        thrusters fire that fill least.
-        """
-        wheels = self.filter.wheels
-        limit = None if wheels is None else wheels.momentum_limit
-        if wheels is None or limit is None:
-            return jnp.ones(())
-        body = sample.law.model.spacecraft.inertia @ sample.state.omega
-        held = wheels.axes @ momentum_with_rotors(wheels, sample.reading)
-        momentum = (body + held) / jnp.max(limit)
-        size = root(jnp.sum(momentum**2) + LITTLE**2)
-        part = FILLING * (momentum @ self.reconfiguration.duties.units) / size
-        one_sided = memory.ability.left != Left.THREE_AXES
-        return jnp.where(one_sided, (1 + part) / (1 - part), 1.0)
 
     def act(
         self, sample: Sample, demand: Demand, before: TolerantMemory, now: TolerantMemory

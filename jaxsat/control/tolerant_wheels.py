@@ -28,6 +28,7 @@ from jaxsat.core.attitude import DCM, Quaternion
 from jaxsat.core.checks import not_negative
 from jaxsat.core.declaration.three_torques import FULL
 from jaxsat.core.quotients import SMALLEST
+from jaxsat.spacecraft.allocation import MomentumPrice
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import Reach
 
@@ -62,6 +63,10 @@ KNOWN = 0.5
 
 NEAR = 0.02
 """Angle (rad) to the target within which a held attitude counts as the target."""
+
+DEAR = 50.0
+"""Price of torque with which thrusters fill a wheel, per part of its momentum limit that it holds,
+over the price of the dearest thruster."""
 
 
 class WheelLawMemory(NamedTuple):
@@ -189,6 +194,19 @@ class TolerantWheels(AbstractTolerantActuators):
         most = REACTION * wheeled.usable
         wanted = jnp.clip(UNLOADING * sample.law.natural_frequency * each, -most, most)
         return unloads, jnp.where(unloads, -(self.filter.wheels.axes @ wanted), 0.0)
+
+    def momentum_price(self, sample: Sample, memory: TolerantMemory) -> MomentumPrice:
+        """Return the price of momentum, zero where a wheel can be spared.
+
+        It is in proportion to the momentum of each wheel with the body at rest, and has the sign of
+        torques of the wheel that add to this momentum.
+        """
+        wheeled, limit = memory.ability, self.filter.wheels.momentum_limit
+        if limit is None:
+            return super().momentum_price(sample, memory)
+        each = wheeled.shares @ self._held(sample, wheeled)
+        needed = jnp.sum(wheeled.working) + wheeled.left <= 3
+        return MomentumPrice(wheeled.shares, jnp.where(needed, -DEAR * each / limit, 0.0))
 
     def steady(self, memory: TolerantMemory, period: RealScalar) -> Vector:
         """Return zero: each wheel's own command compensates its friction."""

@@ -35,28 +35,55 @@ class Allocated(NamedTuple):
     unmade: Vector
 
 
-def allocate(reach: Reach, torque: Vector, before: Vector | None = None) -> Allocated:
+class MomentumPrice(NamedTuple):
+    """Price of momentum that the others make a device store, in the unit of a price of use.
+
+    `shares` (n, 3) are the uses for a torque by devices that store momentum alone, zero for others.
+    Uses beyond the share in the whole torque make up for others, and change the momentum. They cost
+    `price`: a greater use if it is positive, a smaller one the size of a negative price. The other
+    way costs nothing.
+    """
+
+    shares: Float[Array, "n 3"]
+    price: Float[Array, " n"]
+
+
+def allocate(
+    reach: Reach,
+    torque: Vector,
+    before: Vector | None = None,
+    momentum: MomentumPrice | None = None,
+) -> Allocated:
     """Allocate `before` + `torque` (N m) to uses within the bounds of `reach`.
 
     The torque of devices that do not obey and the torque `before` have priority: the first is
     opposed and the second made as far as possible. Of the torque still lacking, the greatest part
     in its direction is made. Among all such uses the result has the least price, counted from the
     use nearest to zero, and among uses of equal price the least sum of squares of use over limit
-    of the devices without a price. A price of None is zero.
+    of the devices without a price. A price of None is zero. With `momentum`, which requires that
+    all devices obey, the price of devices that store momentum counts from their shares instead.
     """
-    idle = within(jnp.zeros_like(reach.low), reach.low, reach.high)
+    before = jnp.zeros_like(torque) if before is None else before
+    rest = jnp.zeros_like(reach.low)
+    if momentum is not None:
+        rest = jnp.where(momentum.price == 0, rest, momentum.shares @ (torque + before))
+    idle = within(rest, reach.low, reach.high)
     square = jnp.sum(reach.columns**2, axis=0)
     size = jnp.sqrt(jnp.where(square > 0, square, 1.0))
     units = reach.columns / size[None]
     low, high = (
         jnp.where(square > 0, size * (bound - idle), 0.0) for bound in (reach.low, reach.high)
     )
-    before = jnp.zeros_like(torque) if before is None else before
     first = before - reach.columns @ idle
     if reach.price is None:
         each, unmade = least_squares_within(units, low, high, torque, first)
     else:
-        each, unmade = _priced(reach.price / size, units, (low, high), torque, first)
+        price = reach.price / size
+        prices = (price, price)
+        if momentum is not None:
+            more = momentum.price / size
+            prices = (price + jnp.maximum(more, 0.0), price + jnp.maximum(-more, 0.0))
+        each, unmade = _priced(prices, units, (low, high), torque, first)
     use = within(idle + each / size, reach.low, reach.high)
     return Allocated(use, before + torque - unmade, unmade)
 
@@ -68,6 +95,7 @@ def allocate_unloading(
     stores: Bool[Array, " n"],
     before: Vector | None = None,
     part: Callable[[Float[Array, " n"]], RealScalar] | None = None,
+    momentum: MomentumPrice | None = None,
 ) -> Allocated:
     """Allocate a `torque` in which devices that store no momentum first make `unloading`.
 
@@ -93,7 +121,7 @@ def allocate_unloading(
         last = turn == 2
         first = without_storing(jnp.where(turn == 1, gently(use), unloading))
         problem = choose(last, beside(use), first)
-        more = allocate(*problem)
+        more = allocate(*problem, momentum=momentum)
         return jnp.where(last, use, 0.0) + more.use, more.unmade
 
     idle = jnp.all(unloading == 0) & jnp.all(before == 0)
@@ -133,17 +161,21 @@ def first_at_limit(shares: Float[Array, " m"], limit: Float[Array, " m"]) -> Flo
 
 
 def _priced(
-    price: Float[Array, " n"],
+    prices: tuple[Float[Array, " n"], Float[Array, " n"]],
     units: Float[Array, "3 n"],
     bounds: tuple[Float[Array, " n"], Float[Array, " n"]],
     torque: Vector,
     first: Vector,
 ) -> tuple[Float[Array, " n"], Vector]:
-    """Return torques of least price and, of free devices, least squares; and the unmade torque."""
+    """Return torques of least price and, of free devices, least squares; and the unmade torque.
+
+    The `prices` are of torques forth and back; a device is free if both are zero.
+    """
     low, high = bounds
-    free, dearest = price <= 0, jnp.max(price)
-    spread = 1 + GOLDEN * jnp.arange(price.shape[0], dtype=price.dtype) % 1
-    each_price = jnp.where(free, FREE_PRICE * spread, price / jnp.where(dearest > 0, dearest, 1.0))
+    price = jnp.concatenate(prices)
+    free, dearest = (prices[0] <= 0) & (prices[1] <= 0), jnp.max(price)
+    spread = jnp.tile(1 + GOLDEN * jnp.arange(low.shape[0], dtype=low.dtype) % 1, 2)
+    scale = jnp.where(dearest > 0, dearest, 1.0)
     upper = jnp.concatenate([high, -low])
     finite = jnp.where(jnp.isfinite(upper), upper, 0.0)
     most = jnp.max(finite) + jnp.sum(jnp.abs(torque) + jnp.abs(first))
@@ -151,7 +183,7 @@ def _priced(
     thrust, unmade = least_price(
         jnp.concatenate([units, -units], axis=1),
         upper,
-        jnp.concatenate([each_price, each_price]),
+        jnp.where(price <= 0, FREE_PRICE * spread, price / scale),
         torque,
         first,
         jnp.array(True),

@@ -1,5 +1,6 @@
 """The fault-tolerant law with wheels and thrusters: what both make together, and flights."""
 
+import dataclasses
 import itertools
 
 import jax
@@ -17,6 +18,7 @@ from jaxsat.control.tolerant_mix import Mix, MixMemory, Unloading
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
+from jaxsat.spacecraft.allocation import MomentumPrice
 from jaxsat.spacecraft.effector import Reach
 from jaxsat.store.dataset import trajectory_dataset
 
@@ -34,7 +36,9 @@ def mix(duty, usable, steady=(0.0, 0.0, 0.0), left=(False, False)):
     reaches = jax.tree.map(jnp.asarray, (thrusters, wheels))
     truth = tuple(jnp.array(one) for one in left)
     alone = (jnp.array(False), jnp.array(False))
-    return Mix(reaches, (jnp.asarray(steady), jnp.zeros(3)), truth, alone, (False, True))
+    steady = (jnp.asarray(steady), jnp.zeros(3))
+    none = tuple(MomentumPrice(jnp.zeros((n, 3)), jnp.zeros(n)) for n in (8, 4))
+    return Mix(reaches, steady, truth, alone, (False, True), none)
 
 
 def feasible(duty, usable, torque):
@@ -136,46 +140,73 @@ ONE_SIDED = [[-7, -1, -4], [1, 7, 4], [-1, 7, -4], [1, -7, -4]]
 """Axes of four thrusters, with a direction along which none pushes backwards."""
 
 
-def test_thrusters_that_empty_no_wheel_fill_wheels_little():
-    """Of torques to and fro about the axis without a wheel, which the cheapest thruster makes,
-    against the least momentum that they leave, by SciPy's non-negative least squares."""
+@pytest.fixture(scope="module")
+def one_sided():
+    """The law with these thrusters and what it commands: a function of the mask of working wheels,
+    their momenta (N m s) and a torque (N m) that returns the torque of the thrusters."""
     tables = [f"{{torque_axis={axis}, torque_N_m=0.1, min_on_time_s=0.02}}" for axis in ONE_SIDED]
     run = flight([], f"thruster=[{', '.join(tables)}]")
     law, still = run.loop.controller, run.loop.plant.complete(run.start)
-    thrusters, wheels = law.actuators
-    columns, axes = (
-        np.asarray(thrusters.filter.thrusters.torque),
-        np.asarray(wheels.filter.wheels.axes),
-    )
+    still = dataclasses.replace(still, omega=jnp.zeros(3))
+    columns = np.asarray(law.actuators[0].filter.thrusters.torque)
     left = what_is_left(columns, ()).left
     assert left == Left.LESS
-    memory = law.init(still).actuators[0]
-    memory = memory._replace(ability=memory.ability._replace(left=jnp.array(left)))
+    memories = law.init(still).actuators
+    pushes = memories[0]._replace(ability=memories[0].ability._replace(left=jnp.array(left)))
+    condition = memories[1].diagnosis.condition
+
+    @jax.jit
+    def made(working, each, torque):
+        sample = Sample(jnp.zeros(()), still, Reading(jnp.zeros(3), each), law.healthy)
+        found = law.actuators[1].allocation.find(condition._replace(failed=~working), each)
+        kinds = list(zip(law.actuators, (pushes, memories[1]._replace(ability=found)), strict=True))
+        unloading = Unloading(jnp.zeros(3), jnp.zeros(3))
+        demands, unmade = law._mix(sample, kinds).demands(torque, unloading, jnp.array(True))
+        return demands[0].torque, unmade
+
+    return law, columns, made
+
+
+def test_thrusters_that_empty_no_wheel_fill_wheels_little(one_sided):
+    """Of torques to and fro about the axis without a wheel, which the cheapest thruster makes,
+    against the least momentum that they leave, by SciPy's non-negative least squares."""
+    law, columns, made = one_sided
+    axes = np.asarray(law.actuators[1].filter.wheels.axes)
     normal = np.cross(axes[:, 0], axes[:, 1])
     normal = normal / np.linalg.norm(normal)
     along, across = normal @ columns, columns - np.outer(normal, normal @ columns)
-
-    @jax.jit
-    def prices(each):
-        sample = Sample(jnp.zeros(()), still, Reading(jnp.zeros(3), each), law.healthy)
-        return thrusters.reach(sample, memory).price
-
-    def momentum(price):
-        """Of the first two wheels (N m s), after 200 impulses of 0.1 N m s in turn."""
-        each = np.zeros(4)
-        for number in range(200):
-            of_side = along * (-1) ** number
-            cost = np.where(of_side > 0, price(each) / np.maximum(of_side, 1e-9), np.inf)
-            fired = int(np.argmin(cost))
-            added = 0.1 / of_side[fired] * across[:, fired]
-            each[:2] += np.linalg.lstsq(axes[:, :2], added)[0]
-        return np.linalg.norm(axes @ each)
-
+    each, cheapest = np.zeros(4), np.zeros(3)
+    for number in range(200):  # impulses of 0.1 N m s in turn
+        torque = 0.01 * (-1) ** number * normal
+        push, unmade = made(np.arange(4) < 2, each, torque)
+        np.testing.assert_allclose(unmade, 0, atol=1e-9)
+        each[:2] += 10 * np.linalg.lstsq(axes[:, :2], np.asarray(push) - torque)[0]
+        side = along * (-1) ** number
+        fired = int(np.argmax(side))
+        cheapest += 0.1 / side[fired] * across[:, fired]
     rows = [np.hstack([across, across])]
     rows += [1e6 * np.kron(side, along)[None] for side in np.eye(2)]
     least = 100 * nnls(np.vstack(rows), 1e6 * np.array([0, 0, 0, 0.1, -0.1]))[1]
-    assert least < momentum(lambda each: np.asarray(prices(each))) < 1.3 * least
-    assert momentum(lambda each: np.ones(4)) > 3 * least
+    assert least < np.linalg.norm(axes @ each) < 1.3 * least
+    assert np.linalg.norm(cheapest) > 3 * least
+
+
+def test_the_torque_that_turns_the_last_wheel_does_not_fill_it(one_sided):
+    """The frame turns. With much momentum the thrusts are those that fill it least by SciPy, or do
+    not fill it."""
+    law, columns, made = one_sided
+    axis = np.asarray(law.actuators[1].filter.wheels.axes)[:, 3]
+    split, bounds, spares = np.hstack([columns, axis[:, None]]), [(0, 1)] * 4 + [(-0.4, 0.4)], []
+    for momentum in (8.0, 16.0, -8.0, -16.0):  # N m s, of 20
+        fills = np.sign(momentum) * axis
+        for rate in 1e-3 * np.vstack([np.eye(3), -np.eye(3)]):
+            torque = np.cross(rate, momentum * axis)
+            push, unmade = made(np.arange(4) == 3, np.array([0, 0, 0, momentum]), torque)
+            np.testing.assert_allclose(unmade, 0, atol=1e-9)
+            least = linprog(np.r_[fills @ columns, 0], A_eq=split, b_eq=torque, bounds=bounds).fun
+            spares.append(least < 0)
+            assert fills @ np.asarray(push) < max(least, 0) + 1e-9
+    assert any(spares)
 
 
 LOST_WHEELS = [

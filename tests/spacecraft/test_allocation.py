@@ -10,7 +10,7 @@ from helpers.thruster_layouts import allocated, pairs, thruster_set
 from jaxsat.compiler import Mapped
 from jaxsat.core.attitude import Quaternion
 from jaxsat.spacecraft.actuators import Actuators
-from jaxsat.spacecraft.allocation import allocate, allocate_unloading
+from jaxsat.spacecraft.allocation import MomentumPrice, allocate, allocate_unloading
 from jaxsat.spacecraft.bounded_least_squares import least_squares_within
 from jaxsat.spacecraft.distribution import Direct, WheelsFirst
 from jaxsat.spacecraft.dynamics import PlantState
@@ -239,6 +239,55 @@ def test_ideal_thrusters_under_three_torques_make_the_greatest_part_in_its_direc
     spare = min(1.0, 0.2 / np.abs(np.linalg.pinv(axes) @ command).max())
     assert most >= spare - 1e-12
     assert (most > spare + 1e-3) == (count == 5)
+
+
+def test_momentum_that_thrusters_make_wheels_store_has_a_price():
+    """With one to three wheels, of which some are full, against a linear programme with a variable
+    for the use of each wheel beyond its share, by XLA and the compiled engine."""
+    rng, count = np.random.default_rng(11), 60
+    columns, price, high = rng.normal(size=(count, 3, 8)), rng.uniform(1, 2, (count, 8)), []
+    price[:, :3] = 0.0
+    for _ in range(count):
+        full = rng.random(3) < 0.2
+        high.append(np.r_[0.3 * (np.arange(3) < rng.integers(1, 4)) * ~full, np.ones(5)])
+    high = np.array(high)
+    low = -high * (np.arange(8) < 3)
+    shares = np.zeros((count, 8, 3))
+    for k in range(count):
+        working = np.flatnonzero(high[k, :3])
+        shares[k, working] = np.linalg.pinv(columns[k][:, working])
+    momentum = np.zeros((count, 8))
+    momentum[:, :3] = rng.choice([-1, 1], (count, 3)) * 10 ** rng.uniform(-2, 2, (count, 3))
+    torque = np.einsum("kij,kj->ki", columns, rng.uniform(low, 0.5 * high))
+    cases = (columns, low, high, price, torque, shares, momentum)
+
+    def uses(x, _):
+        return allocate(Reach(*x[:4]), x[4], momentum=MomentumPrice(*x[5:])).use
+
+    by_xla = np.asarray(jax.jit(jax.vmap(lambda *x: uses(x, None)))(*cases))
+    by_ours = Mapped(uses, jax.tree.map(lambda x: x[0], cases))(cases)
+    np.testing.assert_allclose(by_ours, by_xla, rtol=0, atol=1e-7)
+    saved = 0
+    for k in range(count):
+        own = np.clip(shares[k] @ torque[k], low[k], high[k])
+        way = np.eye(8) * np.sign(momentum[k])[:, None]
+        found = linprog(
+            np.r_[price[k], np.abs(momentum[k])],
+            A_ub=np.hstack([way, -np.eye(8)]),
+            b_ub=way @ own,
+            A_eq=np.hstack([columns[k], np.zeros((3, 8))]),
+            b_eq=torque[k],
+            bounds=[*zip(low[k], high[k], strict=True), *[(0, None)] * 8],
+        )
+        assert found.status == 0
+        np.testing.assert_allclose(columns[k] @ by_xla[k], torque[k], rtol=0, atol=1e-8)
+        assert np.all((by_xla[k] >= low[k]) & (by_xla[k] <= high[k]))
+        beyond = np.maximum(way @ (by_xla[k] - own), 0.0)
+        spent = price[k] @ by_xla[k] + np.abs(momentum[k]) @ beyond
+        assert spent == pytest.approx(found.fun, rel=1e-4, abs=1e-5)
+        cheapest = programme(columns[k], low[k], high[k], np.r_[price[k], 0.0], torque[k]).fun
+        saved += price[k] @ by_xla[k] > cheapest + 1e-3
+    assert saved > 10
 
 
 def test_thrusters_that_unload_do_less_where_wheels_lack_torque():
