@@ -7,14 +7,15 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly
 from jaxsat.cli.loading import load_scenario
-from jaxsat.cli.options import Output, Overrides
+from jaxsat.cli.options import Output, Overrides, number
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import SUCCESS, UserMistake, print_stdout, print_warning
 
 if TYPE_CHECKING:
-    from jaxsat.flight.files import Export
+    from jaxsat.flight.files import Export, Request
     from jaxsat.scenario import Scenario
 
+Begin = Annotated[float | None, Parameter(converter=number(0.0, 1e9))]
 Float = Annotated[bool, Parameter(name="--float", negative="")]
 
 
@@ -25,12 +26,14 @@ def export(
     overrides: Overrides = (),
     float_: Float = False,
     functions: Literal["own", "libm"] = "own",
+    plan_begin: Begin = None,
     output: Output = Output(),
 ) -> int:
     """Write the controller of a scenario as C99, with test vectors, a test program and build files.
 
     The law must be a sampled law. The export includes its estimator, the allocation and the
-    modulation, also from plug-ins.
+    modulation, also from plug-ins. With the law `planned` it is the tracker of a plan, which is
+    made of the scenario's start.
 
     Parameters
     ----------
@@ -43,55 +46,76 @@ def export(
     functions
         own: elementary functions in the file, with the same bits on every processor; libm: those of
         the C library, less code.
+    plan_begin
+        Write only a plan, from the scenario's start at this time (s) after controller_init, for
+        the law planned.
     output.overwrite
         Replace the folder if jaxsat wrote it, including the builds of `make` and CMake in it.
     """
     chosen = load_scenario(scenario, overrides)
-    target = output.out or Path(f"jaxsat-{Path(scenario).stem}-flight")
+    kind = "flight" if plan_begin is None else "plan"
+    target = output.out or Path(f"jaxsat-{Path(scenario).stem}-{kind}")
 
     from jaxsat.compiler.lowering import CannotLower
+    from jaxsat.flight.files import export as export_all
+    from jaxsat.flight.files import export_plan
     from jaxsat.flight.flight import CannotExport
     from jaxsat.flight.templates import is_built
     from jaxsat.store.folder import OutputFolder
 
+    code: Export | None = None
     try:
         place = OutputFolder(
             target, kind="flight code", overwrite=output.overwrite, is_made_of_it=is_built
         )
         with place as folder:
             show_progress(f"exporting {scenario}")
-            code = interruptibly(lambda: _export(chosen, single=float_, libm=functions == "libm"))
-            for name, content in code.files.items():
+            request = interruptibly(lambda: _request(chosen, float_, functions == "libm"))
+            if plan_begin is None:
+                code = interruptibly(lambda: export_all(request))
+                files = code.files
+            else:
+                files = interruptibly(lambda: export_plan(request, plan_begin))
+            for name, content in files.items():
                 folder.write(name, content)
     except CannotExport as error:
         raise UserMistake(f"{scenario}: {error}") from None
     except CannotLower as error:
         raise UserMistake(f"{scenario}: cannot be flight code: {error}") from None
-    for caution in code.cautions:
-        print_warning(caution)
-    if not output.quiet:
-        print_stdout(f"controller       {code.lines} lines of C, program {code.program.hash[:12]}")
-        print_stdout(f"test vectors     {len(code.vectors.given)} samples")
-        for processor, use in code.measured.items():
-            if use.instructions is not None:
-                emulated, count = use.samples, len(code.vectors.given)
-                print_stdout(
-                    f"a step           {use.instructions} instructions at most ({processor}, "
-                    f"{emulated} of {count} samples emulated)"
-                )
-        print_stdout(f"written          {target}; `make -C {target} test` builds and checks it")
+    if code is not None:
+        _tell(code, target, quiet=output.quiet)
+    elif not output.quiet:
+        print_stdout(f"written          {target}")
     return SUCCESS
 
 
-def _export(scenario: "Scenario", *, single: bool, libm: bool) -> "Export":
-    from jaxsat.flight.files import Request, export
+def _tell(code: "Export", target: Path, *, quiet: bool) -> None:
+    """Print cautions, sizes and the most instructions."""
+    for caution in code.cautions:
+        print_warning(caution)
+    if quiet:
+        return
+    print_stdout(f"controller       {code.lines} lines of C, program {code.program.hash[:12]}")
+    print_stdout(f"test vectors     {len(code.vectors.given)} samples")
+    for processor, use in code.measured.items():
+        if use.instructions is not None:
+            emulated, count = use.samples, len(code.vectors.given)
+            print_stdout(
+                f"a step           {use.instructions} instructions at most ({processor}, "
+                f"{emulated} of {count} samples emulated)"
+            )
+    print_stdout(f"written          {target}; `make -C {target} test` builds and checks it")
+
+
+def _request(scenario: "Scenario", single: bool, libm: bool) -> "Request":
+    from jaxsat.flight.files import Request
     from jaxsat.scenario import dump
     from jaxsat.scenario.build.run import build
     from jaxsat.scenario.derived import hold_samples_of
     from jaxsat.store.provenance import provenance
 
     run = build(scenario)
-    request = Request(
+    return Request(
         run.loop,
         run.start,
         float(run.times[-1]),
@@ -103,4 +127,3 @@ def _export(scenario: "Scenario", *, single: bool, libm: bool) -> "Export":
         scenario.law.declaration.keys,
         hold_samples_of(scenario),
     )
-    return export(request)

@@ -11,12 +11,20 @@ from jaxtyping import Array, Float
 from jaxsat.control.driven_axes import DrivenFit, DrivenMemory, FittedDynamics
 from jaxsat.control.handover import RippleSlack
 from jaxsat.control.normal_form import NormalForm, clipped
-from jaxsat.control.planning.search import PlanSearch, Search, in_hemisphere_of
+from jaxsat.control.plan_tracking import (
+    FAR,
+    PlanTracking,
+    error_angle,
+    filtered,
+    program_of,
+    quickest_plan,
+)
+from jaxsat.control.planning.search import PlanSearch, Search
 from jaxsat.control.planning.tracking import Followed, followed_if, following_torque
-from jaxsat.control.planning.transcription import STATES, PlanObjective, Transcription
+from jaxsat.control.planning.transcription import STATES, Transcription
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
-from jaxsat.core.array_types import BoolScalar, IntScalar, Pair, RealScalar
+from jaxsat.core.array_types import IntScalar, Pair, RealScalar
 from jaxsat.core.checks import not_negative, positive, require_counts, require_positive
 from jaxsat.core.declaration.settling import PLANNING_MARGIN, REPLAN_TIME
 from jaxsat.core.trees import choose
@@ -31,10 +39,6 @@ MOST_MANOEUVRES = 6
 RIPPLE_SLACK = (1.0, 3.0, 3.0)
 """Slack on the slow rate of a hold, at its begin and during it, relative to the expected ripple,
 and its duration, in radians of the ripple."""
-
-FAR = 0.1
-"""Rotation from the target (rad) above which three slews follow a failed plan; below, the
-oscillation does."""
 
 RATE_NOISE = 2.5e-4
 """Noise of the rates in the fit of the driven axes, rad per τ."""
@@ -97,7 +101,7 @@ class PlannedSettling(AbstractSampledController):
     """
 
     modes: ClassVar[type[enum.IntEnum]] = PlannedMode
-    no_flight_code: ClassVar[str | None] = "it plans in flight, and that is 22,500 lines of C"
+    no_flight_code: ClassVar[str | None] = "it plans in flight; flight code has its tracker"
 
     settling: ThreeSlewSettling
     driven: DrivenFit
@@ -122,13 +126,20 @@ class PlannedSettling(AbstractSampledController):
 
     def program(self, settling: SettlingMemory, driven: DrivenMemory) -> Transcription:
         """The nonlinear program of the plans: torques about x and y, the dynamics as estimated."""
-        limit, form = self.settling.torque_limit * (1 - self.margin), self.form
         fit, fitted = settling.estimator.fit, None
         if fit is not None:
             errors = self.driven.believed(driven)
-            fitted = FittedDynamics(form, self.driven, fit.estimate, errors)
-        axes, objective = form.axes[:2].T, PlanObjective.TIME
-        return Transcription(form.model, axes, limit, objective, self.intervals, 1, fitted)
+            fitted = FittedDynamics(self.form, self.driven, fit.estimate, errors)
+        return program_of(self.settling, self.margin, self.intervals, fitted)
+
+    def flight_law(self, start: PlantState, begin: float = 0.0) -> PlanTracking:
+        """The tracker of a plan from `start` at the time `begin` (s).
+
+        Raises `ArgumentError` if no plan arrives.
+        """
+        sizes = self.margin, self.intervals
+        plan = quickest_plan(self.settling, *sizes, jnp.asarray(begin, start.omega.dtype), start)
+        return PlanTracking(self.settling, plan)  # pyright: ignore[reportCallIssue]
 
     def init(self, state: PlantState) -> PlannedMemory:
         """The initial memory, without a plan."""
@@ -150,7 +161,7 @@ class PlannedSettling(AbstractSampledController):
         law_phase = jnp.where(stage == SETTLING, SETTLING, Phase.OSCILLATING)
         t = self.settling.clock(memory.settling)
         torque, settling = self.settling.in_phase(state, memory.settling, law_phase)
-        now, x = t / program.time_unit, self._plan_state(program, state, settling)
+        now, x = t / program.time_unit, filtered(self.settling, program, state, settling)
         ended = (stage == SETTLING) & (memory.settling.phase == Phase.OSCILLATING)
         loss = ended & (settling.phase == Phase.STOPPING)
         slips = ended & memory.settling.fine.late & ~settling.fine.late
@@ -182,7 +193,8 @@ class PlannedSettling(AbstractSampledController):
         following = self.form.command(following)
         torque = jnp.where(stage == PlannedMode.FOLLOWING, following, torque)
         torque = jnp.where(stage == PlannedMode.PLANNING, 0.0, torque)
-        phase = jnp.where(fails & _is_far(program, x), Phase.STOPPING, Phase.OSCILLATING)
+        far = error_angle(program.target, x) > FAR
+        phase = jnp.where(fails & far, Phase.STOPPING, Phase.OSCILLATING)
         fine = choose(over & ~missed, settling.fine, self.settling.fine.init(state.omega))
         waiting = settling._replace(phase=phase, fine=fine, since=t + 0 * settling.since)
         settling = choose((stage != SETTLING) | over | fails, waiting, settling)
@@ -190,17 +202,6 @@ class PlannedSettling(AbstractSampledController):
         progress = (stage, failures, manoeuvres, searched)
         driven = driven._replace(torque=self.form.to_command.T @ torque)
         return torque, PlannedMemory(settling, driven, search, followed, *progress)
-
-    def _plan_state(
-        self, program: Transcription, state: PlantState, settling: SettlingMemory
-    ) -> Float[Array, "7"]:
-        """The state of a plan, with s as the estimator has filtered it."""
-        x, estimator = program.scaled(state), self.settling.estimator
-        if estimator.observer is None:
-            return x
-        s = self.form.slow(self.form.axes @ state.omega)[2]
-        error = estimator.observer.believed(settling.estimator.ripple).rate - s
-        return x.at[4:].add(self.form.axes[2] * (error * program.time_unit))
 
     def _ahead(
         self, program: Transcription, now: RealScalar, x, begins, stage: IntScalar
@@ -245,12 +246,6 @@ class PlannedSettling(AbstractSampledController):
         """The active `PlannedMode`."""
         phase = self.settling.mode(memory.settling)
         return jnp.where(memory.stage == SETTLING, phase, memory.stage)
-
-
-def _is_far(program: Transcription, x: Float[Array, "7"]) -> BoolScalar:
-    """Whether an attitude is far from the target's."""
-    difference = in_hemisphere_of(program.target, x)[1:4] - program.target[1:4]
-    return 2 * jnp.sqrt(jnp.sum(difference**2)) > FAR
 
 
 def planned_settling(settling: ThreeSlewSettling) -> PlannedSettling:

@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.controller import Memory
 from jaxsat.core.array_types import IntScalar, Pair, RealScalar
+from jaxsat.core.declaration.keys import Key
 from jaxsat.spacecraft.dynamics import PlantState
 
 
@@ -86,6 +87,16 @@ class AbstractSampledController(eqx.Module):
         """Whether, over an orbit, these magnetorquers produce the torques that wheels along these
         axes cannot; here, always."""
         return True
+
+    def flight_law(self, start: PlantState, begin: float = 0.0) -> "AbstractSampledController":
+        """The law that flight code has for a `start` at the time `begin` (s); here, this one."""
+        return self
+
+    @property
+    def plan_keys(self) -> tuple[Key, ...]:
+        """Units and ranges of the arrays of a field `plan`, which the law follows from the start of
+        a scenario and which may be replaced in flight; here none, for a law without a plan."""
+        return ()
 
     def mode(self, memory: Memory) -> IntScalar:
         """The active mode, a member of `modes`; here, the only one."""

@@ -14,6 +14,7 @@ from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.flight import interface
 from jaxsat.flight.calls import drawn_calls, expected_of_calls
 from jaxsat.flight.cfs import cfs_app, table_cautions
+from jaxsat.flight.flight import CannotExport, FlightController, flight_loop
 from jaxsat.flight.fprime import fprime_component
 from jaxsat.flight.function_calls import function_calls
 from jaxsat.flight.guard import groups, guard_header, real_type
@@ -28,6 +29,7 @@ from jaxsat.flight.harness import (
 )
 from jaxsat.flight.measure import BOUND_SCRIPT, ProcessorUse, measured
 from jaxsat.flight.parameters import parameters_header, parameters_source
+from jaxsat.flight.plan import plan_code, plan_files, plan_table
 from jaxsat.flight.program import FlightProgram, flight_program
 from jaxsat.flight.readme import readme
 from jaxsat.flight.recording import (
@@ -86,19 +88,18 @@ def export(request: Request) -> Export:
     Raises `CannotExport` for a loop without flight code, and `CannotLower` for an unsupported
     operation, with its line in the source.
     """
-    program = flight_program(request.loop, request.start, single=request.single)
-    assert isinstance(request.loop, SampledLoop)  # another one has no flight program
+    loop = flight_loop(request.loop, request.start)
+    program = flight_program(loop, request.start, single=request.single)
+    assert isinstance(loop, SampledLoop)  # another one has no flight program
     intro = _intro(request, program)
     texts = {
         "controller.h": header(program, intro),
         "controller.c": source(program, intro, libm=request.libm),
     }
     reference = Reference(program)
-    samples, inputs = vectors(
-        program, request.loop, request.start, request.duration, reference=reference
-    )
+    samples, inputs = vectors(program, loop, request.start, request.duration, reference=reference)
     recording = recorded_flight(reference, inputs)
-    table = interface.parameters(program, request.loop, request.keys)
+    table = interface.parameters(program, loop, request.keys)
     texts |= {
         "controller_records.h": records_header(program, intro),
         "controller_calls.h": calls_header(program, intro),
@@ -138,6 +139,8 @@ def export(request: Request) -> Export:
         "scenario.toml": request.scenario,
         "export.json": _record(request, program, texts["controller.h"] + texts["controller.c"]),
     }
+    plan = plan_table(loop.controller, single=program.single)
+    texts |= plan_code(program, plan, intro) | plan_files(plan, intro)
     files = {name: text.encode() for name, text in texts.items()}
     files["test_vectors.bin"] = vectors_file(samples)
     files["test_calls.bin"] = vectors_file(calls, MAGIC_OF_CALLS)
@@ -155,14 +158,30 @@ def export(request: Request) -> Export:
     return Export(program, files, samples, calls, processor_uses, lines, cautions)
 
 
-def _intro(request: Request, program: FlightProgram) -> list[str]:
+def export_plan(request: Request, begin: float) -> Mapping[str, bytes]:
+    """Return the files of a plan from the start at the time `begin` (s), for an earlier export.
+
+    Raises `CannotExport` for a law without a plan.
+    """
+    loop = flight_loop(request.loop, request.start, begin)
+    law = FlightController.of(loop).law
+    plan = plan_table(law, single=request.single)
+    if not plan:
+        raise CannotExport(
+            f"control.law: must be a law that plans, for a plan, got {type(law).__name__}"
+        )
+    return {name: text.encode() for name, text in plan_files(plan, [*_title(request), ""]).items()}
+
+
+def _title(request: Request) -> list[str]:
     version = request.provenance["versions"]["jaxsat"]
+    return comment(f"{request.title}. Written by jaxsat {version}; do not edit, export again.")
+
+
+def _intro(request: Request, program: FlightProgram) -> list[str]:
     precision = "single" if program.single else "double"
-    return [
-        *comment(f"{request.title}. Written by jaxsat {version}; do not edit, export again."),
-        *comment(f"Traced program {program.hash}, {precision} precision."),
-        "",
-    ]
+    traced = comment(f"Traced program {program.hash}, {precision} precision.")
+    return [*_title(request), *traced, ""]
 
 
 def _record(request: Request, program: FlightProgram, code: str) -> str:

@@ -13,7 +13,8 @@ from jaxsat.control.navigation.estimator import AbstractEstimator, Measurement
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.array_types import IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import AbstractAttitude, Quaternion
-from jaxsat.core.errors import JaxsatError
+from jaxsat.core.errors import ArgumentError, JaxsatError
+from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.distribution import AbstractDistribution
 from jaxsat.spacecraft.dynamics import PlantState
@@ -38,6 +39,20 @@ UNITS = {
 
 class CannotExport(JaxsatError):
     """A closed loop has a part without flight code; the message names it."""
+
+
+def flight_loop(loop: AbstractLoop, start: PlantState, begin: float = 0.0) -> AbstractLoop:
+    """Return the loop with the law that flight code has for a `start` at the time `begin` (s).
+
+    Raises `CannotExport` if no plan from the start arrives, for a law that follows one.
+    """
+    if not isinstance(loop, SampledLoop):
+        return loop
+    try:
+        law = loop.controller.flight_law(start, begin)
+    except ArgumentError as error:
+        raise CannotExport(f"initial: {error}") from None
+    return eqx.tree_at(lambda x: x.controller, loop, law)
 
 
 class Seen(NamedTuple):

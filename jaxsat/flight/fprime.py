@@ -6,7 +6,7 @@ import numpy as np
 
 from jaxsat.compiler.c.naming import ascii_text
 from jaxsat.flight.guard import NORM_TOLERANCE, RATE_LIMIT, real_type
-from jaxsat.flight.interface import Parameter, Row
+from jaxsat.flight.interface import Parameter, Row, is_of_plan
 from jaxsat.flight.messages import Item, commanded, measured, words_of_modes
 from jaxsat.flight.program import FlightProgram
 from jaxsat.flight.templates import template
@@ -84,7 +84,8 @@ def _tuned(
     tuned = []
     for one in of_parameters:
         default, field = np.asarray(one.default), one.field
-        if one.key is not None and np.isfinite(default).all():
+        is_plan = is_of_plan(field)  # larger than parameters of F´ usually may be
+        if one.key is not None and not is_plan and np.isfinite(default).all():
             row = row_of[field.name]
             about = f"{row.path}, {_about(row)}"
             place = ("read", field.name)

@@ -25,14 +25,17 @@ from jaxsat.flight.guard import (
 )
 from jaxsat.flight.program import FlightProgram, is_parameter
 
+PLAN = "law.plan."
+"""Begin of the paths of a plan's parameters."""
+
 
 @dataclass(frozen=True)
 class Parameter:
     """A field of `controller_parameters` with its default and inclusive bounds of its elements.
 
-    `key` is the declared key of `[control]` whose number it is, or None. A float without declared
-    bounds must be finite. Bounds contain the default, also where it is infinite; `bounds` is None
-    for other types, or where a default is NaN.
+    `key` is the declared key of `[control]`, or of a plan, whose number it is, or None. A float
+    without declared bounds must be finite. Bounds contain the default, also where it is infinite;
+    `bounds` is None for other types, or where a default is NaN.
     """
 
     field: Field
@@ -70,7 +73,9 @@ class Parameter:
 
 def parameters(program: FlightProgram, loop: object, keys: Sequence[Key]) -> list[Parameter]:
     """Return all parameters of a program in the structure's order; `keys` are those of its law."""
-    arrays = eqx.filter(as_type(FlightController.of(loop), np.float64), is_parameter)
+    flight = FlightController.of(loop)
+    keys = [*keys, *flight.law.plan_keys]
+    arrays = eqx.filter(as_type(flight, np.float64), is_parameter)
     paths = jax.tree_util.tree_leaves_with_path(arrays)
     number_of = {
         jax.tree_util.keystr(path): number
@@ -81,6 +86,11 @@ def parameters(program: FlightProgram, loop: object, keys: Sequence[Key]) -> lis
         Parameter(field, np.asarray(program.parameters[field.number]), key_of.get(field.number))
         for field in program.structs["parameters"].fields
     ]
+
+
+def is_of_plan(field: Field) -> bool:
+    """Whether a parameter is a part of a plan."""
+    return field.path.startswith(PLAN)
 
 
 class Row(NamedTuple):
@@ -118,7 +128,9 @@ def rows(
     for parameter in of_parameters:
         key = parameter.key
         unit = "" if key is None else key.unit or ""
-        path = parameter.field.path if key is None else f"control.{key.name}"
+        path = parameter.field.path
+        if key is not None and not is_of_plan(parameter.field):
+            path = f"control.{key.name}"
         row = _row("controller_parameters", parameter.field, unit, parameter.range,
                    "controller_check_parameters", "once")  # fmt: skip
         table.append(row._replace(path=path))

@@ -29,7 +29,14 @@ def parameters_source(
     program: FlightProgram, of_parameters: Sequence[Parameter], intro: Sequence[str]
 ) -> str:
     """Return the text of controller_parameters.c."""
-    real = real_type(program)
+    return table_source(program, of_parameters, intro, "controller_parameters")
+
+
+def table_source(
+    program: FlightProgram, of_parameters: Sequence[Parameter], intro: Sequence[str], table: str
+) -> str:
+    """Return the text of the range check and the checksum of a structure, a `table`."""
+    real, plain = real_type(program), table.removeprefix("controller_")
     lines: list[str] = []
     zero = np.zeros((), np.float32 if program.single else np.float64)[()]
     for number, one in enumerate(of_parameters, 1):
@@ -37,8 +44,7 @@ def parameters_source(
         unit = "" if one.key is None or one.key.unit == "1" else f" {one.key.unit}"
         lines += comment(f"{number} {field.path}: {one.range}{unit}", "  ")
         lines.append(
-            f"  {{offsetof(controller_parameters, {field.name}), {field.size}u, "
-            f"{field.dtype.itemsize}u,"
+            f"  {{offsetof({table}, {field.name}), {field.size}u, {field.dtype.itemsize}u,"
         )
         free = "TRUTH" if field.dtype.kind == "b" else "FREE"
         kind = free if one.bounds is None else "NUMBER"
@@ -46,6 +52,14 @@ def parameters_source(
     if not of_parameters:
         lines.append("  {0u, 0u, 0u, FREE, 0, 0},")
     text = template(
-        "controller_parameters.c", REAL=real, COUNT=len(of_parameters), ROWS="\n".join(lines)
+        "controller_parameters.c",
+        REAL=real,
+        COUNT=len(of_parameters),
+        ROWS="\n".join(lines),
+        TABLE=table,
+        KIND=f"{plain.removesuffix('s')}_kind",
+        ROW=f"{plain.removesuffix('s')}_row",
+        CHECK=f"controller_check_{plain}",
+        CHECKSUM=f"controller_{plain.removesuffix('s')}_checksum",
     )
     return "\n".join([*intro, text])

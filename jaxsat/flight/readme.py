@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jaxsat.flight.guard import RATE_LIMIT, groups, status_bits
+from jaxsat.flight.interface import is_of_plan
 from jaxsat.flight.measure import DEAREST, ProcessorUse
 from jaxsat.flight.program import FlightProgram
 from jaxsat.flight.templates import DEVIATIONS, template
@@ -59,6 +60,7 @@ def readme(
         ESTIMATOR=" and the estimator" * program.estimates,
         SINGLE=_precision(program),
         PARAMETERS=_parameters(program),
+        PLAN=_plan(program),
         DEVIATIONS="\n".join(f"- {rule}: {why}" for rule, why in DEVIATIONS.items()),
     )
 
@@ -70,6 +72,17 @@ def _precision(program: FlightProgram) -> str:
         "\nSingle precision costs the difference between the settled fraction of that study and\n"
         "of the same one without `--controller`, or with a library exported without `--float`:\n"
         "same cases, same seed.\n"
+    )
+
+
+def _plan(program: FlightProgram) -> str:
+    if not any(map(is_of_plan, program.structs["parameters"].fields)):
+        return ""
+    return (
+        "\nThe law follows the plan in the parameters. `controller_load_plan` (controller_plan.h)\n"
+        "puts another one in its place, if it is in range and has the checksum that is given.\n"
+        "`plan.h` and `plan.csv` have the first plan; `jaxsat export scenario.toml --plan-begin`\n"
+        "makes further ones.\n"
     )
 
 

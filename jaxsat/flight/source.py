@@ -3,12 +3,14 @@
 import inspect
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from jaxsat.compiler.c.contexts import Context
 from jaxsat.compiler.c.expressions import literal
 from jaxsat.compiler.c.functions import Unit
+from jaxsat.compiler.c.layout import Field
 from jaxsat.compiler.c.naming import comment
 from jaxsat.compiler.c.python_functions import python_function
 from jaxsat.compiler.c.tidying import wrapped
@@ -140,20 +142,29 @@ def _defaults(program: FlightProgram) -> list[str]:
 
 def default_parameters(program: FlightProgram) -> list[str]:
     """Return the scenario's numbers as lines of an initialiser of `controller_parameters`."""
-    lines = []
     fields = program.structs["parameters"].fields
+    lines = initialisers(fields, program.parameters, program.macros)
+    return lines or ["  .unused = 0,"]
+
+
+def initialisers(
+    fields: Sequence[Field], values: Sequence[Any], macros: Mapping[Any, Mapping[int, str]]
+) -> list[str]:
+    """Return the lines of an initialiser of a structure, whose fields have numbers of values.
+
+    `macros` has the names of the numbers of enumerations.
+    """
+    lines = []
     for field in fields:
         begin = f"  .{field.name} = "
-        names = {} if field.choices is None else program.macros[field.choices]
-        value = _initialiser(np.asarray(program.parameters[field.number], field.dtype), names)
+        names = {} if field.choices is None else macros[field.choices]
+        value = _initialiser(np.asarray(values[field.number], field.dtype), names)
         if len(begin) + len(value) > 98:
             begin, value = begin.rstrip(), "\n".join(wrapped(value))
             lines.append(begin)
         else:
             value = begin + value
         lines.append(f"{value},")
-    if not fields:
-        lines.append("  .unused = 0,")
     return lines
 
 

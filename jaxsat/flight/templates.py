@@ -3,7 +3,7 @@
 from jaxsat.core import package_files
 
 BUILT = frozenset(f"build/{name}" for name in (
-    "controller.o", "controller_guard.o", "controller_parameters.o",
+    "controller.o", "controller_guard.o", "controller_parameters.o", "controller_plan.o",
     "test_controller", "run_controller", "commands.csv", "libcontroller.so", "test_sanitized",
     "test_coverage", "coverage.o", "coverage.gcno", "coverage.gcda", "proof.txt",
     "mcdc.c", "mcdc.txt", "mcdc.log", "test_mcdc",

@@ -12,9 +12,10 @@ from jaxtyping import Array, Float, PyTree
 from jaxsat.compiler.llvm.mapped import Mapped, compiled_over_cases
 from jaxsat.control.navigation.estimator import AbstractEstimator, Estimate, Measurement
 from jaxsat.control.sampled import AbstractSampledController
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import IntScalar, RealScalar
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.solvers import NamedSolver
+from jaxsat.core.trees import choose
 from jaxsat.flight.flight import Input, Measured, Seen, State, modulator_of
 from jaxsat.flight.program import FlightProgram
 from jaxsat.simulation.engine.runge_kutta import explicit_step, tableau_of
@@ -209,8 +210,8 @@ def _closed_loops(
     period = float(np.asarray(loop.controller.period))
     total = max(SAMPLES, min(LONGEST, round(duration / period)))
 
-    def first(key, shared):
-        return recording.start(_start(start, key))
+    def first(case, shared):
+        return recording.start(_start(loop, start, *case))
 
     def block(case, stride):
         """Simulate `stride` periods, of which the last is observed."""
@@ -223,7 +224,8 @@ def _closed_loops(
         return following, _observation(loop, begin + stride - 1, before, following)
 
     keys = jax.random.split(jax.random.key(seed), CASES)
-    begun = _over_cases(first, keys)(keys, None)
+    cases = keys, np.arange(CASES)
+    begun = _over_cases(first, cases)(cases, None)
     run = _over_cases(block, (begun, np.zeros(CASES, np.int32)), np.int32(1))
 
     def flown(stride: int) -> tuple[Input, State]:
@@ -251,14 +253,21 @@ def _over_cases(
     return compiled_over_cases(function, one, shared, contract=False)
 
 
-def _start(start: PlantState, key: Array) -> PlantState:
-    """Return a start of any attitude; rates are those of the scenario, rotated and scaled."""
+def _start(loop: SampledLoop, start: PlantState, key: Array, number: IntScalar) -> PlantState:
+    """Return a start of any attitude; rates are those of the scenario, rotated and scaled.
+
+    A law with a plan has every second start near the scenario's.
+    """
     one, two = jax.random.split(key)
     quaternion = Quaternion(jax.random.normal(one, (4,))).normalised()
     attitude = quaternion if isinstance(start.attitude, Quaternion) else quaternion.as_wz()
     size = jnp.sqrt(jnp.sum(start.omega**2)) + 1e-3
     omega = size * jax.random.normal(two, (3,))
-    return PlantState(attitude, omega, start.effectors)
+    anywhere = PlantState(attitude, omega, start.effectors)
+    if not loop.controller.plan_keys:
+        return anywhere
+    near = PlantState(start.attitude, start.omega * (1 + 0.02 * number), start.effectors)
+    return choose(number % 2 == 0, near, anywhere)
 
 
 def _after(loop: SampledLoop, number, period: float, state):

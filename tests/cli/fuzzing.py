@@ -152,7 +152,7 @@ OPTIONS = {
     },
     "export": {
         "--out": PLACES, "--functions": ("own", "libm", "", "x"), "--float": None,
-        "--overwrite": None, "--quiet": None,
+        "--plan-begin": ("-1", "nan", "0", ""), "--overwrite": None, "--quiet": None,
     },
     "controllability": {
         "--tolerance": NUMBERS, "--failures": NUMBERS, "--out": PLACES, "--overwrite": None,

@@ -49,6 +49,7 @@ CASES = {
     },
     ("export", "switching"): {
         "--functions": ["", "fast"],
+        "--plan-begin": ["", "-1", "nan", "later"],
         "--out": ["", "x" * 300],
     },
     ("tune", "benchmark-three-axis"): {

@@ -345,10 +345,10 @@ def test_a_law_in_continuous_time_is_refused():
         export(Request(run.loop, run.start, 1.0, "", "", PROVENANCE))
 
 
-def test_the_law_that_plans_is_refused_at_once():
+def test_the_law_that_plans_itself_is_refused_at_once():
     run = build(load("acceptance-nominal", ["control.law=planned"]))
     with pytest.raises(CannotExport, match=r"PlannedSettling must be replaced.*plans in flight"):
-        export(Request(run.loop, run.start, 1.0, "", "", PROVENANCE))
+        flight_program(run.loop, run.start)
 
 
 def test_comments_end_where_they_should():

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from jaxtyping import Array, Float
 
-from helpers.every_law import library
 from helpers.tools import needs
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.laws import LAWS as ALL_LAWS
+from jaxsat.flight.flight import flight_loop
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation.sampled_loop import SampledLoop
@@ -221,17 +221,18 @@ LAWS = [
     ("cubesat-12u", NEAR, 200, 2.0),
     ("wheels-fail", NEAR, 200, 2.0),
     ("one-torque-damping", [], 500, None),
+    ("two-torque-free", ["control.law=planned"], 300, 2.0),
 ]
 """Every law of the library: scenario, changes, duration (s), largest final error (deg); one law
 damps rates alone."""
 
 
 def test_each_law_that_can_become_flight_code_is_among_these():
-    """`planned` is refused for its size, what steers rods for `magnetic` has no flight code, and
-    the other laws of the library run in continuous time."""
-    flown = {library(name)["control"]["law"] for name, *_ in LAWS}
+    """What steers rods for `magnetic` has no flight code, and the other laws of the library run in
+    continuous time."""
+    flown = {load(name, keys).law.name for name, keys, *_ in LAWS}
     sampled = {name for name, law in ALL_LAWS.items() if law.declaration.sampled}
-    assert flown == sampled - {"planned", "magnetic"}
+    assert flown == sampled - {"magnetic"}
 
 
 @needs("gcc")
@@ -240,9 +241,10 @@ def test_each_law_that_can_become_flight_code_is_among_these():
 def test_every_law_recovers_from_invalid_measurements(tmp_path, name, keys, duration, degrees):
     """One flight without faults, and four with one fault each, after 10 s."""
     run = build(load(name, keys))
-    guarded = Guarded(tmp_path, run.loop, run.start)
-    assert isinstance(run.loop, SampledLoop)
-    flights = Flights(run.loop, run.start, guarded, 5)
+    loop = flight_loop(run.loop, run.start)
+    guarded = Guarded(tmp_path, loop, run.start)
+    assert isinstance(loop, SampledLoop)
+    flights = Flights(loop, run.start, guarded, 5)
     for which in range(5):
         guarded.begin(which, attitude=run.start.attitude.as_quaternion().q)
     rate = guarded.places("rate" if guarded.program.estimates else "omega")

@@ -19,7 +19,7 @@ from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.flight import vectors
 from jaxsat.flight.external import Library, _Call
 from jaxsat.flight.files import Request, export
-from jaxsat.flight.flight import Seen
+from jaxsat.flight.flight import Seen, flight_loop
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.spacecraft.wheels import wheel_momentum
@@ -56,21 +56,22 @@ class _Driven(AbstractSampledController):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("scenario", "periods"),
+    ("scenario", "keys", "periods"),
     [
-        ("two-torque-free", 1500),
-        ("cubesat-12u", 300),
+        ("two-torque-free", [], 1500),
+        ("cubesat-12u", [], 300),
+        ("acceptance-nominal", ["control.law=planned"], 1500),
     ],
 )
 def test_closed_loops_with_the_compiled_law_are_the_same_to_the_bit(
-    tmp_path, monkeypatch, scenario, periods
+    tmp_path, monkeypatch, scenario, keys, periods
 ):
     monkeypatch.setattr(vectors, "SAMPLES", 8)
     monkeypatch.setattr(vectors, "CASES", 1)
     monkeypatch.setattr("jaxsat.flight.files.measured", lambda files: {})
     monkeypatch.setattr("jaxsat.flight.files.found_calls", lambda *given: given[3][:0])
-    run = build(load(scenario))
-    loop: Any = run.loop
+    run = build(load(scenario, keys))
+    loop: Any = flight_loop(run.loop, run.start)
     made = export(Request(loop, run.start, 1.0, "", "", PROVENANCE))
     assert too_large(made.files) == {}
     check_trace(made.files["trace.csv"].decode(), made.files["controller.c"].decode())
@@ -81,8 +82,8 @@ def test_closed_loops_with_the_compiled_law_are_the_same_to_the_bit(
     arrays = eqx.filter(loop.controller, eqx.is_array)
 
     period = float(np.asarray(loop.controller.period))
-    keys = jax.random.split(jax.random.key(0), CASES)
-    inside = jax.vmap(lambda key: loop.start(vectors._start(run.start, key)))(keys)
+    starts = jax.random.split(jax.random.key(0), CASES), jnp.arange(CASES)
+    inside = jax.vmap(lambda *one: loop.start(vectors._start(loop, run.start, *one)))(*starts)
     inside = jax.tree.map(np.asarray, inside)
     first = jax.tree.map(lambda x: x[0], inside)
     instant = jnp.zeros_like(run.start.omega[0])

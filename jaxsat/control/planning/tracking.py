@@ -23,6 +23,31 @@ class Followed(NamedTuple):
     begin: RealScalar
 
 
+class PlanTable(NamedTuple):
+    """A plan as flight code takes it: `begin` (s since the law began) and `duration` (s), and for
+    each of its equal intervals `attitude` (quaternion relative to the orbit frame) and inertial
+    `rate` (rad/s) at its begin, its constant `torque` (N m) about the driven axes, and the feedback
+    of errors of quaternion and rate, `attitude_gain` (N m) and `rate_gain` (N m s).
+    """
+
+    begin: RealScalar
+    duration: RealScalar
+    attitude: Float[Array, "n 4"]
+    rate: Float[Array, "n 3"]
+    torque: Float[Array, "n m"]
+    attitude_gain: Float[Array, "n m 4"]
+    rate_gain: Float[Array, "n m 3"]
+
+
+def table_of(program: Transcription, followed: Followed) -> PlanTable:
+    """The table of a plan and its feedback, in SI units."""
+    (plan, gains, begin), unit = followed, program.time_unit
+    attitude, rate = plan.states[:, :4], plan.states[:, 4:] / unit
+    torque, gains = plan.torque * program.limit, gains * program.limit
+    times = begin * unit, plan.duration * unit
+    return PlanTable(*times, attitude, rate, torque, gains[..., :4], gains[..., 4:] * unit)
+
+
 def followed_if(
     program: Transcription, new: BoolScalar, plan: Unknowns, begin: RealScalar, old: Followed
 ) -> Followed:

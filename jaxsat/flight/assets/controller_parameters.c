@@ -1,4 +1,4 @@
-#include "controller_parameters.h"
+#include "@TABLE@.h"
 
 #include <math.h>
 #include <stddef.h>
@@ -6,18 +6,18 @@
 
 #define PARAMETERS (@COUNT@)
 
-typedef enum { FREE, NUMBER, TRUTH } parameter_kind;
+typedef enum { FREE, NUMBER, TRUTH } @KIND@;
 
 typedef struct {
   size_t offset;
   uint32_t count;
   uint32_t size;
-  parameter_kind kind;
+  @KIND@ kind;
   @REAL@ least;
   @REAL@ most;
-} parameter_row;
+} @ROW@;
 
-static const parameter_row rows[] = {
+static const @ROW@ rows[] = {
 @ROWS@
 };
 static uint32_t with_byte(uint32_t sum, uint8_t byte)
@@ -47,7 +47,7 @@ static uint64_t bits_of(const uint8_t *place, uint32_t size)
   return bits;
 }
 
-static bool is_in_range(const parameter_row *row, const uint8_t *place)
+static bool is_in_range(const @ROW@ *row, const uint8_t *place)
 {
   bool is_right = true;
 
@@ -63,13 +63,13 @@ static bool is_in_range(const parameter_row *row, const uint8_t *place)
   return is_right;
 }
 
-int32_t controller_check_parameters(const controller_parameters *p)
+int32_t @CHECK@(const @TABLE@ *p)
 {
   const uint8_t *bytes = (const uint8_t *)p;
   int32_t wrong = 0;
 
   for (int32_t number = 0; (number < PARAMETERS) && (wrong == 0); number++) {
-    const parameter_row *row = &rows[number];
+    const @ROW@ *row = &rows[number];
     for (uint32_t i = 0u; i < row->count; i++) {
       if (!is_in_range(row, &bytes[row->offset + (i * row->size)])) {
         wrong = number + 1;
@@ -79,13 +79,13 @@ int32_t controller_check_parameters(const controller_parameters *p)
   return wrong;
 }
 
-uint32_t controller_parameter_checksum(const controller_parameters *p)
+uint32_t @CHECKSUM@(const @TABLE@ *p)
 {
   const uint8_t *bytes = (const uint8_t *)p;
   uint32_t sum = 0xFFFFFFFFu;
 
   for (int32_t number = 0; number < PARAMETERS; number++) {
-    const parameter_row *row = &rows[number];
+    const @ROW@ *row = &rows[number];
     for (uint32_t i = 0u; i < row->count; i++) {
       uint64_t bits = bits_of(&bytes[row->offset + (i * row->size)], row->size);
       for (uint32_t place = 0u; place < row->size; place++) {

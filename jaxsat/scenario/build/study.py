@@ -172,9 +172,11 @@ def _with_library(run: Run, path: Path) -> tuple[Run, dict[str, Any]]:
     if not isinstance(run.loop, SampledLoop):
         raise ValueError("--controller: must be given with a sampled law.")
     from jaxsat.flight.external import Library, with_library  # whose imports take their time
+    from jaxsat.flight.flight import flight_loop
 
-    library = Library(path, run.loop, run.start)
-    return dataclasses.replace(run, loop=with_library(run.loop, library)), library.identity
+    loop = cast(SampledLoop, flight_loop(run.loop, run.start))
+    library = Library(path, loop, run.start)
+    return dataclasses.replace(run, loop=with_library(loop, library)), library.identity
 
 
 def study_program(scenario: Scenario, run: Run, seed: int) -> tuple[Dispersed, Program]:
