@@ -64,14 +64,14 @@ def explicit_step(
     Stages are combined as one flat vector, in a batch a few times faster than leaf by leaf. The
     rate is traced once for all stages, and its operations are written out in each.
     """
-    rate = jax.jit(rate, inline=True)
+    once = jax.jit(lambda t, state: rate(t, state), inline=True)  # no hash of a rate that is a loop
     flat, restore = ravel_pytree(state)
     rows = [np.zeros(0), *tableau.a_lower]
     nodes = [0.0, *tableau.c]
     rates: dict[int, Array] = {}
     for stage in sorted(_needed_stages(tableau)):
         stage_state = restore(_combine(flat, step, rows[stage], rates))
-        rates[stage] = ravel_pytree(rate(t + nodes[stage] * step, stage_state))[0]
+        rates[stage] = ravel_pytree(once(t + nodes[stage] * step, stage_state))[0]
     return restore(_combine(flat, step, tableau.b_sol, rates))
 
 

@@ -1,6 +1,7 @@
 """The plain step against diffrax's own, and its order against an exact solution."""
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -50,6 +51,22 @@ def test_all_stages_share_one_trace_of_the_rate(solver, stages):
     jaxpr = jax.make_jaxpr(lambda *now: explicit_step(tableau, noted, *now))(t, h, y)
     written = sum(one.primitive.name == "sin" for one in jaxpr.eqns)
     assert (len(traces), written) == (1, stages)
+
+
+def test_the_rate_may_be_a_module_of_traced_numbers():
+    """As a loop is, which cannot be hashed."""
+
+    class Decay(eqx.Module):
+        constant: jax.Array
+
+        def __call__(self, t, y):
+            return -self.constant * y
+
+    def after(constant):
+        tableau = tableau_of(diffrax.Dopri8())
+        return explicit_step(tableau, Decay(constant), jnp.zeros(()), jnp.ones(()), jnp.ones(()))
+
+    np.testing.assert_allclose(jax.jit(after)(jnp.array(0.5)), np.exp(-0.5), rtol=1e-7)
 
 
 @pytest.mark.parametrize(("solver", "order"), list(zip(SOLVERS, (2, 3, 5, 5, 8), strict=True)))
