@@ -167,7 +167,7 @@ def unpacked(rows: np.ndarray, like: PyTree, shape: tuple[int, ...] | None = Non
     arrays, place = [], 0
     for leaf in leaves:
         size = math.prod(leaf.shape[axes:])
-        part = rows[:, place : place + size].reshape(*before, *leaf.shape[axes:])
+        part = rows[:, place : place + size].reshape((*before, *leaf.shape[axes:]))
         arrays.append((part != 0) if leaf.dtype == bool else part.astype(leaf.dtype))
         place += size
     return jax.tree.unflatten(structure, arrays)

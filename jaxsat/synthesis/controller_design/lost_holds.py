@@ -40,7 +40,7 @@ class DrawnBody(NamedTuple):
 
 def lost_holds(scenario: Scenario) -> str | None:
     """Return sentences if over 1 % of `BODIES` drawn bodies drift beyond balance, else None."""
-    if orbit_rate(scenario) == 0:
+    if orbit_rate(scenario) == 0 or scenario.dispersion is None:
         return None
     drifts = _drifts(scenario)
     lost = sum(abs(one.drift) > one.balanced for one in drifts)
@@ -78,7 +78,7 @@ def drawn_drifts(scenario: Scenario, bodies: list[DrawnBody]) -> list[RestDrift]
 
 def _drifts(scenario: Scenario) -> list[RestDrift]:
     """Return the drifts of the first `BODIES` bodies of the study of a scenario."""
-    study = build_study(scenario, BODIES, engine="scan")
+    study = build_study(scenario, BODIES, engine="diffrax")
     bodies = drawn_bodies(study, torque_directions(believed_axes(scenario)))
     return drawn_drifts(scenario, bodies)
 

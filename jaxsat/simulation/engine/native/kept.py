@@ -13,11 +13,11 @@ The name of an entry is a hash of all that tracing and lowering depend on:
 - LLVM and the processor, as for machine code.
 
 The name does not cover code that a program has changed in memory. Each entry therefore contains the
-hashes of jaxsat's modules as they were in memory at its creation (`loaded_code`): it is used if the
-modules imported by now have the same hashes. The command line runs no user code except parts that a
-scenario names, which have no entries. It has entries of its own, and trusts them. The environment
-variable JAXSAT_KEPT_KERNELS is 1 there; with 0 nothing is stored. Entries are located and protected
-as those of `cache`.
+hashes of jaxsat's modules as they were in memory at its creation (`loaded_code`), of those imported
+when the program's first entry was made: it is used if the modules imported by now have the same
+hashes. The command line runs no user code except parts that a scenario names, which have no
+entries. It has entries of its own, and trusts them. The environment variable JAXSAT_KEPT_KERNELS is
+1 there; with 0 nothing is stored. Entries are located and protected as those of `cache`.
 """
 
 import contextlib
