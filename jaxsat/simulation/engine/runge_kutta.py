@@ -13,6 +13,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
 from jaxsat.core.array_types import RealScalar
+from jaxsat.core.jax_internals import jaxpr_as_fun
 from jaxsat.core.solvers import NamedSolver, Solver, class_name, known_class, solver_of
 from jaxsat.simulation.assessment import IntegrationError, stop_gradient
 from jaxsat.simulation.engine.program import Program
@@ -64,14 +65,17 @@ def explicit_step(
     Stages are combined as one flat vector, in a batch a few times faster than leaf by leaf. The
     rate is traced once for all stages, and its operations are written out in each.
     """
-    once = jax.jit(lambda t, state: rate(t, state), inline=True)  # no hash of a rate that is a loop
+    # `jax.jit(inline=True)` would lose the operations' places in the source. JAX cannot hash a rate
+    # that is a loop.
+    once = jaxpr_as_fun(jax.make_jaxpr(lambda t, state: rate(t, state))(t + 0.0 * step, state))
     flat, restore = ravel_pytree(state)
     rows = [np.zeros(0), *tableau.a_lower]
     nodes = [0.0, *tableau.c]
     rates: dict[int, Array] = {}
     for stage in sorted(_needed_stages(tableau)):
         stage_state = restore(_combine(flat, step, rows[stage], rates))
-        rates[stage] = ravel_pytree(once(t + nodes[stage] * step, stage_state))[0]
+        arguments = jax.tree.leaves((t + nodes[stage] * step, stage_state))
+        rates[stage] = ravel_pytree(once(*arguments))[0]
     return restore(_combine(flat, step, tableau.b_sol, rates))
 
 
