@@ -188,7 +188,7 @@ def _settles(thrusters: TolerantThrusters, wheels: WheelContext | None) -> bool:
     """Whether thrusters settle all axes at the start, alone or with the wheels that work."""
     tables = thrusters.reconfiguration
     if wheels is None:
-        return int(tables.left[0]) != Left.LESS
+        return int(np.asarray(tables.left)[0]) != Left.LESS
     axes = np.asarray(wheels.wheels.axes)[:, ~wheels.failed]
     columns = np.concatenate([unit_columns(np.asarray(tables.torque)), axes, -axes], axis=1)
     return what_is_left(columns, ()).left == Left.THREE_AXES
