@@ -21,6 +21,7 @@ def verify(
     confidence: Annotated[float, Parameter(converter=number(0.5, 1.0, open_ends=True))] = 0.95,
     cases: Annotated[int, Parameter(converter=whole(1, MAX_CASES))] = 20_000,
     no_failures: Flag = False,
+    pairs: Flag = False,
     results: Resumable = Resumable(),
 ) -> int:
     """Verify the requirements of a scenario: nominal, dispersed, and with actuators that fail.
@@ -42,7 +43,9 @@ def verify(
         Most cases of each condition; what is not decided by then stays undecided. With more of them
         the same command goes on.
     no_failures
-        Leave out failures of actuators besides those of the scenario.
+        Leave out failures of single actuators besides those of the scenario.
+    pairs
+        Fly also cases in which two actuators fail.
     results.out
         Output folder; by default jaxsat-NAME-verified in the current folder.
     """
@@ -63,6 +66,7 @@ def verify(
             confidence=confidence,
             cases=cases,
             failures=not no_failures,
+            pairs=pairs,
             **into,
         ),
     )

@@ -21,12 +21,13 @@ MATRIX_COLUMNS = (
 )  # fmt: skip
 
 FAILURE_COLUMNS = (
-    "device", "failure", "cases", "left", "detected", "detection_time_s", "isolated", "recovered",
-    "settling_time_s", "propellant_kg", "violated", "worst_case", "command",
+    "device", "failure", "severity", "cases", "left", "detected", "detection_time_s", "isolated",
+    "recovered", "settling_time_s", "propellant_kg", "violated", "requirement", "least_margin",
+    "unit", "worst_case", "command",
 )  # fmt: skip
 
-FAILURE_NAMES = ("device", "failure", "cases", "left", "detected", "detection_time", "isolated",
-                 "recovered", "settling_time", "propellant")  # fmt: skip
+FAILURE_NAMES = ("device", "failure", "severity", "cases", "left", "detected", "detection_time",
+                 "isolated", "recovered", "settling_time", "propellant")  # fmt: skip
 """Numbers of a failure's row that the document and the CSV file share."""
 
 
@@ -93,30 +94,28 @@ def _matrix_cells(one: Record) -> Iterator[Cell]:
     else:
         interval = Interval(**fraction)
         yield Shown(fraction_text(interval), interval.value)
-    if one["margin"] is None:
-        yield None
-    else:
-        margin = f"{number_text(one['margin'], 4)} {one['unit']}".strip()
-        yield Shown(f"{margin} of {one['signal']}", one["margin"])
+    yield _margin(one, one["signal"])
     yield None if one["time"] is None else Shown(f"{number_text(one['time'], 6)} s", one["time"])
     yield f"`{one['command']}`" if one["command"] else None
 
 
 def _failures(record: Record) -> Table:
-    columns = ["device", "failure", "cases", "left", "detected", "after (s)", "isolated",
-               "recovered", "settled after (s)", "propellant (kg)", "violated"]  # fmt: skip
-    worst_first = sorted(record["failures"], key=_severity)
+    columns = ["device", "failure", "severity", "cases", "left", "detected", "after (s)",
+               "isolated", "recovered", "settled after (s)", "propellant (kg)", "least margin",
+               "violated"]  # fmt: skip
+    worst_first = sorted(record["failures"], key=_rank)
     note = (
-        "Those that violate requirements most come first. Times are medians: from the failure to "
-        "its detection, and until recovered cases had settled. The last column counts the cases "
-        "that violate a requirement."
+        "Those that violate requirements most come first. Critical: some case does not recover; "
+        "major: all recover, but some violate a requirement. Times are medians: from the failure "
+        "to its detection, and until recovered cases had settled. The margin is the least one of "
+        "the requirement that fewest cases meet; the last column counts the cases that violate one."
     )
     return Table(
         "Failures", columns, [list(_failure_cells(one)) for one in worst_first], note, FIRST
     )
 
 
-def _severity(one: Record) -> tuple[float, float]:
+def _rank(one: Record) -> tuple[float, float]:
     """Return a sorting key of failures, the worst first."""
     least = min(one["met"].values(), default=one["cases"])
     return least / one["cases"], one["recovered"] / one["cases"]
@@ -124,8 +123,16 @@ def _severity(one: Record) -> tuple[float, float]:
 
 def _failure_cells(one: Record) -> Iterator[Cell]:
     yield from (one[name] for name in FAILURE_NAMES)
+    yield _margin(one, one["requirement"])
     violations = _violations(one)
     yield Shown(violations or "none", None, not violations)
+
+
+def _margin(one: Record, owner: str) -> Cell:
+    if one["margin"] is None:
+        return None
+    margin = f"{number_text(one['margin'], 4)} {one['unit']}".strip()
+    return Shown(f"{margin} of {owner}", one["margin"])
 
 
 def _violations(one: Record) -> str:
@@ -144,7 +151,11 @@ def matrix_csv(record: Record) -> str:
 def failure_csv(record: Record) -> str:
     """Return the failure table: a row for each device and kind of failure."""
     rows = (
-        [*(one[name] for name in FAILURE_NAMES), _violations(one), one["worst"], one["command"]]
+        [
+            *(one[name] for name in FAILURE_NAMES),
+            _violations(one),
+            *(one[name] for name in ("requirement", "margin", "unit", "worst", "command")),
+        ]
         for one in record["failures"]
     )
     return csv_text([FAILURE_COLUMNS, *rows])

@@ -15,6 +15,16 @@ NumberOrList = Annotated[
 ]
 Numbers = Annotated[tuple[Number, ...], Len(1, 1000)]
 
+
+def _has_lists(value: Any) -> bool:
+    return isinstance(value, list | tuple) and any(isinstance(one, list | tuple) for one in value)
+
+
+ListOrLists = Annotated[
+    Annotated[Numbers, Tag("all")] | Annotated[tuple[Numbers, ...], Len(1, 1000), Tag("each")],
+    Discriminator(lambda value: "each" if _has_lists(value) else "all"),
+]
+
 Kind = Literal["uniform", "normal", "truncated-normal", "discrete", "random-attitude"]
 
 PARAMETERS = {
@@ -30,7 +40,8 @@ PARAMETERS = {
 class DistributionTable(ScenarioTable):
     """`[dispersion.QUANTITY]`: a distribution, in the unit of the quantity.
 
-    A parameter is one number for all components or a list with one for each.
+    A parameter is one number for all components or a list with one for each; `values` and `weights`
+    are one list for all components or a list of such lists, one for each.
     """
 
     distribution: Kind = choice("Kind of distribution")
@@ -38,8 +49,8 @@ class DistributionTable(ScenarioTable):
     high: NumberOrList | None = choice("Largest value", None)
     mean: NumberOrList | None = choice("Mean, before truncation", None)
     sigma: NumberOrList | None = choice("Standard deviation, before truncation", None)
-    values: Numbers | None = choice("Values from which each component is drawn", None)
-    weights: Numbers | None = choice("Weights of the values", None)
+    values: ListOrLists | None = choice("Values from which each component is drawn", None)
+    weights: ListOrLists | None = choice("Weights of the values", None)
 
     @model_validator(mode="after")
     def _own_parameters(self) -> "DistributionTable":
@@ -50,6 +61,9 @@ class DistributionTable(ScenarioTable):
                 raise ArgumentError(name, f"must not have {name} in {kind}")
             if not present and name in parameters:
                 raise ArgumentError(name, f"must have {name} in {kind}")
+            lists = getattr(self, name) if _has_lists(getattr(self, name)) else ()
+            if len({len(one) for one in lists}) > 1:
+                raise ArgumentError(name, "must have lists of one length", [*map(len, lists)])
         return self
 
 

@@ -256,7 +256,7 @@ def _largest(table: DistributionTable) -> float:
     """Largest magnitude that a distribution gives."""
     sizes = [np.zeros(1)]
     if table.values is not None:
-        sizes.append(np.abs(table.values))
+        sizes.append(np.abs(np.ravel(table.values)))
     elif table.low is not None and table.high is not None:
         sizes += [np.abs(np.atleast_1d(table.low)), np.abs(np.atleast_1d(table.high))]
     elif table.mean is not None and table.sigma is not None:

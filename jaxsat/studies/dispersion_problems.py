@@ -110,21 +110,24 @@ def _outside(
     low, high = concrete(limits.low), concrete(limits.high)
     if low is None or high is None:
         return
-    if isinstance(distribution, Discrete):  # each component may be any of the values
-        low, high = np.max(low), np.min(high)
+    if isinstance(distribution, Discrete):
+        if distribution.components() is None:  # each component may be any of the values
+            low, high = np.max(low), np.min(high)
+        else:
+            low, high = (np.broadcast_to(x, size)[:, None] for x in (low, high))
     for parameter, values in distribution.ends().items():
         ends = concrete(values)
         if ends is None:
             continue
         shape = ends.shape if isinstance(distribution, Discrete) else (size,)
         numbers, least, most = (np.broadcast_to(x, shape) for x in (ends, low, high))
-        bad = np.flatnonzero((numbers < least) | (numbers > most))
+        bad = np.argwhere((numbers < least) | (numbers > most))
         if bad.size:
-            first = bad[0]
+            first = tuple(bad[0])
             below = numbers[first] < least[first]
             limit = f"at least {least[first]:.6g}" if below else f"at most {most[first]:.6g}"
-            which = f" (component {first + 1})" if ends.ndim == 0 and size > 1 else ""
-            entry = f" as entry {first + 1}" if ends.ndim else ""
+            which = f" (component {first[0] + 1})" if ends.ndim != 1 and size > 1 else ""
+            entry = f" as entry {first[-1] + 1}" if ends.ndim else ""
             rule = f"must be {f'{limit} {unit}'.strip()}{which}"
             yield DispersionProblem(name, rule, f"{numbers[first]:.6g}{entry}", parameter)
 

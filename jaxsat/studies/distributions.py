@@ -132,29 +132,40 @@ class TruncatedNormal(AbstractProbabilityDistribution):
 
 
 class Discrete(AbstractProbabilityDistribution):
-    """Components drawn from `values`, with probabilities in proportion to `weights`."""
+    """Components drawn from `values`, with probabilities in proportion to `weights`.
+
+    Both are one list for all components, or one for each, all of one length.
+    """
 
     end_names = ("values",)
-    values: Float[Array, " k"] = eqx.field(converter=finite("values"))
-    weights: Float[Array, " k"] = eqx.field(converter=not_negative("weights"))
+    values: Float[Array, "*size k"] = eqx.field(converter=finite("values"))
+    weights: Float[Array, "*size k"] = eqx.field(converter=not_negative("weights"))
 
     def __check_init__(self):
-        if np.shape(self.weights) != np.shape(self.values):
-            rule = f"must have {np.size(self.values)} entries like `values`"
+        shape = np.shape(self.values)
+        if np.shape(self.weights) != shape:
+            rule = f"must have {' x '.join(map(str, shape))} entries like `values`"
             raise ArgumentError("weights", rule, np.size(self.weights))
         weights = concrete(self.weights)
-        if weights is not None and not MIN_WEIGHT_SUM < weights.sum() < MAX_WEIGHT_SUM:
-            rule = f"must have a sum from {MIN_WEIGHT_SUM:g} to {MAX_WEIGHT_SUM:g}"
-            raise ArgumentError("weights", rule, f"{float(weights.sum()):g}")
+        if weights is None:
+            return
+        for total in np.atleast_1d(weights.sum(axis=-1)):
+            if not MIN_WEIGHT_SUM < total < MAX_WEIGHT_SUM:
+                rule = f"must have a sum from {MIN_WEIGHT_SUM:g} to {MAX_WEIGHT_SUM:g}"
+                raise ArgumentError("weights", rule, f"{float(total):g}")
 
     def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:
         """Value whose share of the unit interval contains u."""
-        bounds = jnp.cumsum(self.weights / jnp.sum(self.weights))[:-1]
-        return self.values[jnp.sum(u[:, None] >= bounds[None, :], axis=1)]
+        shares = self.weights / jnp.sum(self.weights, axis=-1, keepdims=True)
+        bounds = jnp.atleast_2d(jnp.cumsum(shares, axis=-1)[..., :-1])
+        place = jnp.sum(u[:, None] >= bounds, axis=1)
+        if self.values.ndim == 1:
+            return self.values[place]
+        return jnp.take_along_axis(self.values, place[:, None], axis=1)[:, 0]
 
     def components(self) -> int | None:
-        """None, as a discrete distribution suits any number of components."""
-        return None
+        """Number of lists of values; None for one list, which suits any number of components."""
+        return len(self.values) if self.values.ndim == 2 else None
 
 
 class RandomAttitude(AbstractProbabilityDistribution):

@@ -141,23 +141,27 @@ def summarise_recovery(dataset: Mapping[Any, Any], places: np.ndarray) -> Recove
     )
 
 
-def recovery_by_device(
+def recovery_by_devices(
     columns: Mapping[str, np.ndarray], names: tuple[str, ...]
 ) -> Iterator[tuple[str, np.ndarray, KindRecovery]]:
-    """Yield the failing device, the indices of its cases, and their recovery, of a study with one
-    failure per case; `names` are those of the devices.
+    """Yield the failing devices, the indices of their cases, and their recovery, for each set of
+    failures of different devices in a study; `names` are those of the devices.
 
-    Cases in which nothing strikes are left out.
+    Cases in which a failure does not strike, or in which a device fails twice, are left out.
     """
     columns = {name: columns[name] for name in (*COLUMNS, *OF_DIAGNOSIS) if name in columns}
-    kinds, parts = columns["failure_kind"][:, 0], columns["failed_part"][:, 0]
+    kinds, parts = columns["failure_kind"], columns["failed_part"]
     first = np.array([names.index(name) for name in names])  # both directions have one name
     parts = first[parts]
-    for part, kind in np.unique(np.column_stack([parts, kinds]), axis=0):
-        if kind != NEVER:
-            places = np.flatnonzero((parts == part) & (kinds == kind))
-            one = _of_kind(FAILURES[kind], _only(columns, places), names)
-            yield names[part], places, one
+    order = np.argsort(parts, axis=1, kind="stable")
+    parts, kinds = (np.take_along_axis(one, order, axis=1) for one in (parts, kinds))
+    whole = (kinds != NEVER).all(axis=1) & (np.diff(parts, axis=1) > 0).all(axis=1)
+    both, count = np.hstack([parts, kinds]), parts.shape[1]
+    for row in np.unique(both[whole], axis=0):
+        places = np.flatnonzero((both == row).all(axis=1))
+        text = " + ".join(FAILURES[kind] for kind in row[count:])
+        devices = " + ".join(names[part] for part in row[:count])
+        yield devices, places, _of_kind(text, _only(columns, places), names)
 
 
 def _part_numbers(columns: Mapping[str, np.ndarray]) -> tuple[str, ...]:

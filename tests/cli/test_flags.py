@@ -31,8 +31,8 @@ FLAGS = {
         "--report --overwrite --yes --elsewhere --digits --quiet"
     ),
     "verify": (
-        "--set --fraction --confidence --cases --no-failures --out --engine --workers --report "
-        "--overwrite --yes --elsewhere --digits --quiet"
+        "--set --fraction --confidence --cases --no-failures --pairs --out --engine --workers "
+        "--report --overwrite --yes --elsewhere --digits --quiet"
     ),
     "rare": (
         "--set --requirement --cases --replications --least --confidence --case --out --engine "

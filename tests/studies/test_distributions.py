@@ -45,6 +45,15 @@ def test_discrete():
     np.testing.assert_allclose(counts, [250, 250, 501], atol=1)
 
 
+def test_each_component_may_have_discrete_values_of_its_own():
+    both = Discrete([[1.0, 5.0, -2.0], [7.0, 8.0, 7.0]], [[1.0, 2.0, 1.0], [3.0, 1.0, 0.0]])
+    assert both.components() == 2
+    alone = [Discrete([1.0, 5.0, -2.0], [1.0, 2.0, 1.0]), Discrete([7.0, 8.0], [3.0, 1.0])]
+    u = jnp.stack([U, U[::-1]], axis=1)
+    expected = np.stack([alone[0].quantile(u[:, 0]), alone[1].quantile(u[:, 1])], axis=1)
+    np.testing.assert_array_equal(jax.vmap(both.quantile)(u), expected)
+
+
 def test_random_attitudes_are_uniform_over_rotations():
     """Quaternion components have the variance 1/4 and E[q_i⁴] = 1/8; angles the density 1 - cos."""
     u = jnp.array(np.random.default_rng(0).random((4000, 3)))
@@ -65,6 +74,8 @@ def test_random_attitudes_are_uniform_over_rotations():
         lambda: TruncatedNormal(0.0, 0.0, -1.0, 1.0),
         lambda: TruncatedNormal(0.0, 1.0, 1.0, -1.0),
         lambda: Discrete([1.0, 2.0], [0.0, 0.0]),
+        lambda: Discrete([[1.0, 2.0], [1.0, 2.0]], [[1.0, 2.0], [0.0, 0.0]]),
+        lambda: Discrete([[1.0, 2.0], [1.0, 2.0]], [1.0, 2.0]),
         lambda: LatinHypercube(0, 0),
     ],
 )

@@ -233,6 +233,12 @@ def test_distributions_made_in_python_are_held_against_them_as_well(names):
         ("turn", "{distribution='discrete', values=[1, 2], weights=[1]}", "weights", "2 entries"),
         ("turn", "{distribution='discrete', values=[1], weights=[0]}", "weights", "a sum from"),
         ("turn", "{distribution='discrete', values=[1, 2], weights=[2, -1]}", "weights", "posit"),
+        ("omega", "{distribution='discrete', values=[[0], [0]], weights=[[1], [1]]}", "",
+         "must have 3 components"),
+        ("omega", "{distribution='discrete', values=[[0, 1], [0, 9e9], [0, 1]], "
+         "weights=[[1, 1], [1, 1], [1, 1]]}", "values", "(component 2), got 9e+09 as entry 2"),
+        ("omega", "{distribution='discrete', values=[[0, 1], [0]], weights=[1]}", "",
+         "lists of one length, got [2, 1]"),
         ("turn", "{distribution='truncated-normal', mean=0, sigma=1e-300, low=-1, high=1}", "sigma",
          "of the distance from the mean"),
         ("omega", "{distribution='random-attitude'}", "distribution", "RandomAttitude"),

@@ -14,7 +14,7 @@ from jaxsat.scenario.build.study import build_study
 from jaxsat.store.tables import open_study, save_case_table
 from jaxsat.studies.failure_codes import FAILURES
 from jaxsat.studies.recovery import Recovery
-from jaxsat.studies.recovery_summary import recovery_by_device, summarise_recovery
+from jaxsat.studies.recovery_summary import recovery_by_devices, summarise_recovery
 from jaxsat.studies.run import run_study
 from jaxsat.studies.statistics import wilson
 from jaxsat.studies.summary import summarise
@@ -74,9 +74,28 @@ def test_fractions_delays_and_reasons_by_kind():
 
 def test_both_ways_of_a_two_sided_thruster_are_one_device():
     columns = {name: np.array(values) for name, values in BY_HAND.items()}
-    told = recovery_by_device(columns, ("thruster a", "thruster a"))
+    told = recovery_by_devices(columns, ("thruster a", "thruster a"))
     rows = [(device, one.kind, places.tolist()) for device, places, one in told]
     assert rows == [("thruster a", "dead", [0, 2]), ("thruster a", "stuck at", [1])]
+
+
+def test_pairs_of_failures_are_grouped_whatever_their_order():
+    """Cases 0 and 2 have the same two failures; in 1 one does not strike, in 3 one device fails
+    twice."""
+    one = {name: np.array(values) for name, values in BY_HAND.items()}
+    columns = {
+        name: np.concatenate([values, values], axis=1)
+        if name in ("failure_time", "failure_amount", "detection_time")
+        else values
+        for name, values in one.items()
+    }
+    columns["failed_part"] = np.array([[0, 1], [0, 1], [1, 0], [1, 1]])
+    columns["failure_kind"] = np.array([[DEAD, STUCK], [DEAD, 0], [STUCK, DEAD], [DEAD, STUCK]])
+    rows = [
+        (devices, row.kind, places.tolist())
+        for devices, places, row in recovery_by_devices(columns, ("thruster a", "thruster b"))
+    ]
+    assert rows == [("thruster a + thruster b", "dead + stuck at", [0, 2])]
 
 
 def test_every_unrecovered_case_is_explained_in_a_line():

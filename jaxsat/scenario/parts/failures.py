@@ -212,8 +212,12 @@ def _least(key: str, distribution: Any) -> dict[Location, float]:
     for name in ("low", "values"):
         bound = getattr(distribution, name)
         if bound is not None:
-            return {("dispersion", key, name): min(bound) if isinstance(bound, tuple) else bound}
+            return {("dispersion", key, name): _smallest(bound)}
     return {}
+
+
+def _smallest(bound: Any) -> float:
+    return min(map(_smallest, bound)) if isinstance(bound, tuple) else bound
 
 
 def _failed_before(scenario: Any, one: FailureTable) -> bool:

@@ -1,18 +1,19 @@
 """Conditions under which a scenario's requirements are verified by many cases."""
 
-from collections.abc import Iterator, Mapping, Sequence
+import itertools
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from jaxsat.core.declaration.actuator import ActuatorDeclaration
 from jaxsat.core.declaration.actuators import ACTUATORS, EFFECTORS
-from jaxsat.core.declaration.failures import FRACTION, AbstractFailureKind
+from jaxsat.core.declaration.failures import FRACTION
 from jaxsat.core.errors import JaxsatError
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.parts.actuator import names_of
-from jaxsat.simulation.loops import AbstractLoop
+from jaxsat.simulation.loops import AbstractLoop, failures_of
 from jaxsat.studies.dispersion_problems import limits_of
 from jaxsat.synthesis.comparison.acceptance import validated
 
@@ -34,65 +35,101 @@ class Condition(NamedTuple):
     scenario: Scenario
 
 
-def conditions_of(scenario: Scenario, failures: bool) -> tuple[list[Condition], list[str]]:
+def conditions_of(
+    scenario: Scenario, failures: bool, pairs: bool = False
+) -> tuple[list[Condition], list[str]]:
     """Return the scenario's own dispersions, with `failures` also those with one failing actuator.
 
     There is one condition with failures for each kind of actuator whose failures the scenario does
-    not draw itself. The second result has sentences on conditions that cannot be tried.
+    not draw itself; with `pairs` also one for each two kinds, of which two actuators fail. The
+    second result has sentences on conditions that cannot be tried.
     """
     conditions = [Condition(DISPERSED, "dispersed", scenario)]
     obstacles = [] if failures else ["Failures besides those of the scenario were not tried."]
-    for actuator in ACTUATORS if failures else ():
-        if not _working(scenario, actuator) or _draws(scenario, actuator):
-            continue
+    kinds = [one for one in ACTUATORS if _working(scenario, one) and not _draws(scenario, one)]
+    groups = [(one,) for one in kinds] if failures else []
+    groups += _pairs(scenario, kinds) if pairs else []
+    for group in groups:
+        what = _group_text(group)
         try:
-            failing = with_one_failure(scenario, actuator)
+            failing = with_failures(scenario, group)
         except JaxsatError as error:
             reason = " ".join(str(error).split())
-            obstacles.append(f"Failures of a {actuator.name} in flight were not tried: {reason}")
+            obstacles.append(f"Flights in which {what} were not tried: {reason}")
             continue
-        text = f"dispersed, and one {actuator.name} fails"
-        conditions.append(Condition(f"{actuator.name}-fails", text, failing))
+        name = "-".join(one.name for one in group)
+        name += "-fails" if len(group) == 1 else "-fail"
+        conditions.append(Condition(name, f"dispersed, and {what}", failing))
     return conditions, obstacles
 
 
-def with_one_failure(scenario: Scenario, actuator: ActuatorDeclaration) -> Scenario:
-    """Return the scenario in which one actuator of this kind fails in each case of a study.
+def _pairs(
+    scenario: Scenario, kinds: Sequence[ActuatorDeclaration]
+) -> list[tuple[ActuatorDeclaration, ...]]:
+    """Return every two kinds of actuators; a kind with itself if it has two that work."""
+    every = itertools.combinations_with_replacement(kinds, 2)
+    return [two for two in every if two[0] is not two[1] or len(_working(scenario, two[0])) > 1]
 
-    Device, kind, time and amount are drawn: every device and every kind with equal weights, the
-    time within the first half of the run, a fraction from 0.1 to 0.9. Kinds with another amount
-    than a fraction are left out. Raises `ScenarioError` or `BuildError` where the spacecraft or its
-    law do not support such a failure.
+
+def _group_text(group: Sequence[ActuatorDeclaration]) -> str:
+    """Return the text "one wheel fails", "two wheels fail" or "a thruster and a wheel fail"."""
+    names = [one.name for one in group]
+    if len(names) == 1:
+        return f"one {names[0]} fails"
+    return f"two {names[0]}s fail" if len({*names}) == 1 else f"a {' and a '.join(names)} fail"
+
+
+def with_failures(scenario: Scenario, group: Sequence[ActuatorDeclaration]) -> Scenario:
+    """Return the scenario in which an actuator of each kind in `group` fails in each case.
+
+    A kind that is there twice fails twice, the same actuator in some cases. `group` has the order
+    of `ACTUATORS`. Device, kind, time and amount are drawn: every device and every kind with equal
+    weights, the time within the first half of the run, a fraction from 0.1 to 0.9. Kinds with
+    another amount than a fraction are left out. Raises `ScenarioError` or `BuildError` where the
+    spacecraft or its law do not support such failures.
     """
     data = scenario.model_dump(exclude_none=True, exclude={"tuning"})
     end = LAST * scenario.simulation.duration_s
-    first = _working(scenario, actuator)[0]
-    event = {"of": f"{actuator.name} {first}", "at_s": end, "kind": actuator.drawn[0].text}
-    data["failure"] = [event]
+    data["failure"] = [
+        {
+            "of": f"{one.name} {_working(scenario, one)[group[:place].count(one)]}",
+            "at_s": end,
+            "kind": one.drawn[0].text,
+        }
+        for place, one in enumerate(group)
+    ]
     own = {k: v for k, v in data["dispersion"].items() if not k.startswith(("failure_", "failed_"))}
     data["dispersion"] = own
     loop = build(validated(data, scenario.title)).loop
-    kinds = [int(kind) for kind in _drawable(actuator, loop)]
-    number = actuator.failed_quantity.name
     data["dispersion"] = own | {
-        number: _any_working(scenario, actuator, _most(number, loop)),
-        "failure_kind": _one_of(kinds),
+        "failure_kind": _any_kinds(loop),
         "failure_amount": _uniform(LEAST_AMOUNT, MOST_AMOUNT),
         "failure_time_s": _uniform(0.0, end),
     }
-    return validated(data, f"{scenario.title}: one {actuator.name} fails")
+    for one in group:
+        number = one.failed_quantity.name
+        most = float(np.max(np.asarray(limits_of(number, False, loop).high)))
+        data["dispersion"][number] = _any_working(scenario, one, most)
+    return validated(data, f"{scenario.title}: {_group_text(group)}")
 
 
-def _drawable(actuator: ActuatorDeclaration, loop: AbstractLoop) -> Iterator[AbstractFailureKind]:
-    """Yield the kinds that a study of this loop can draw, without amount or with a fraction."""
-    most = _most("failure_kind", loop)
-    for kind in actuator.drawn:
-        if kind <= most and kind.amounts in ((), (FRACTION,)):
-            yield kind
-
-
-def _most(name: str, loop: AbstractLoop) -> float:
-    return float(np.max(np.asarray(limits_of(name, False, loop).high)))
+def _any_kinds(loop: AbstractLoop) -> Mapping[str, Any]:
+    """Return the distribution of the kind of each failure: those that a study of this loop can
+    draw, without amount or with a fraction."""
+    drawn = {one.name: one.drawn for one in ACTUATORS}
+    failing = [drawn[one.part] for one in failures_of(loop) for _ in range(one.count)]
+    high = np.asarray(limits_of("failure_kind", False, loop).high)
+    kinds = [
+        [int(kind) for kind in one if kind <= most and kind.amounts in ((), (FRACTION,))]
+        for one, most in zip(failing, np.broadcast_to(high, len(failing)), strict=True)
+    ]
+    longest = max(map(len, kinds))
+    more = [longest - len(one) for one in kinds]
+    return {
+        "distribution": "discrete",
+        "values": [one + one[:1] * n for one, n in zip(kinds, more, strict=True)],
+        "weights": [[1] * len(one) + [0] * n for one, n in zip(kinds, more, strict=True)],
+    }
 
 
 def _any_working(

@@ -9,6 +9,8 @@ from jaxsat.studies.statistics import Interval, WhenDecided
 
 VerdictName = Literal["met", "violated", "undecided", "not judged", "not tried"]
 
+Severity = Literal["critical", "major", "minor"]
+
 ORDER: tuple[VerdictName, ...] = ("violated", "undecided", "not judged", "met", "not tried")
 """Verdicts, the worst first; a condition that does not try a requirement overrides none."""
 
@@ -60,17 +62,20 @@ class Demonstration(NamedTuple):
 
 
 class FailureRow(NamedTuple):
-    """Outcome of one kind of failure of one device, over the cases in which it was drawn.
+    """Outcome of one kind of failure of one device, or of two, over the cases that drew it.
 
-    The times (s) are medians: from the failure to its detection, and until recovered cases had
-    settled; NaN where there are none. `detected` and `isolated` are None for a law that does not
-    diagnose. `left` is the most frequent class of remaining torques, `propellant` (kg) a median or
-    NaN. `met` counts the cases that meet each requirement, and `worst` is the case with the least
-    margin of the requirement that fewest meet; `command` flies it again.
+    `severity` is "critical" if some case does not recover, "major" if all recover but some violate
+    a requirement, else "minor". The times (s) are medians: from the failure to its detection, and
+    until recovered cases had settled; NaN where there are none. `detected` and `isolated` are None
+    for a law that does not diagnose. `left` is the most frequent class of remaining torques,
+    `propellant` (kg) a median or NaN. `met` counts the cases that meet each requirement. `margin`,
+    in `unit`, is the least one of the `requirement` that fewest meet, in the case `worst`;
+    `command` flies it again.
     """
 
     device: str
     failure: str
+    severity: Severity
     cases: int
     left: str
     detected: int | None
@@ -80,6 +85,9 @@ class FailureRow(NamedTuple):
     settling_time: float
     propellant: float
     met: dict[str, int]
+    requirement: str
+    margin: float
+    unit: str
     worst: int
     command: str
 

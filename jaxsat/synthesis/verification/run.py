@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxsat.core.declaration.requirements import comparisons
+from jaxsat.core.declaration.requirements import Inequality, comparisons
 from jaxsat.core.package_files import text_of
 from jaxsat.report.requirements import judgements
 from jaxsat.report.verification_document import failure_csv, matrix_csv
@@ -21,7 +21,7 @@ from jaxsat.store.provenance import command_line, provenance
 from jaxsat.store.resumable import ResumableFolder
 from jaxsat.studies.columns import REQUIREMENT
 from jaxsat.studies.ensemble import Study
-from jaxsat.studies.recovery_summary import recovery_by_device
+from jaxsat.studies.recovery_summary import KindRecovery, recovery_by_devices
 from jaxsat.studies.statistics import WhenAllDecided, WhenDecided
 from jaxsat.studies.summary import summarise_requirements
 from jaxsat.studies.torques_left import TorquesLeft
@@ -33,6 +33,7 @@ from jaxsat.synthesis.verification.result import (
     Criterion,
     Demonstration,
     FailureRow,
+    Severity,
     VerdictName,
     Verification,
 )
@@ -57,6 +58,7 @@ def verify(
     confidence: float = 0.95,
     cases: int = 20_000,
     failures: bool = True,
+    pairs: bool = False,
     out: str | Path | None = None,
     execution: Execution = Execution(),
     listener: Listener = Listener(),
@@ -66,9 +68,9 @@ def verify(
     Each condition flies at most `cases` cases, until each requirement is decided: met by at least
     `fraction` of all cases, or by less. The decision is sequential, by `WhenDecided`, and has the
     `confidence` for all requirements and conditions together. With `failures` there is one more
-    condition for each kind of actuator, one of which fails. With `out` the studies, the scenarios
-    of all conditions and the results are kept in that folder, and the same call resumes, also with
-    another number of cases.
+    condition for each kind of actuator, one of which fails, and with `pairs` one for each two
+    kinds, of which two fail. With `out` the studies, the scenarios of all conditions and the
+    results are kept in that folder, and the same call resumes, also with another number of cases.
 
     Raises `MissingTable` for a scenario without requirements or dispersions, `ArgumentError` for
     invalid numbers, `OutputError` for a folder that cannot be used, and `ValueError` for an engine
@@ -79,13 +81,13 @@ def verify(
         raise MissingTable("[requirement]")
     if scenario.dispersion is None:
         raise MissingTable("dispersion")
-    conditions, not_tried = conditions_of(scenario, failures)
+    conditions, not_tried = conditions_of(scenario, failures, pairs)
     rule = demand.rule(len(conditions) * len(scenario.requirement))
     studies = [_Study.of(one, demand.cases, execution, listener) for one in conditions]
     listener.approve([study_work(one.study) for one in studies])
     shown_with = {"fraction": fraction, "confidence": confidence}  # of any number of cases
     identity = {"scenario": scenario.model_dump(mode="json"), "demand": shown_with}
-    identity |= {"failures": failures, "engine": execution.engine}
+    identity |= {"failures": failures, "pairs": pairs, "engine": execution.engine}
     with folder_of_call(out, KIND, identity) as folder:
         listener.progress("nominal run", None)
         shown = list(_of_nominal(scenario, folder, listener.remark))
@@ -180,22 +182,29 @@ class _Study:
                 again.format(one.worst),
             )  # fmt: skip
 
+    def _decisive(self, columns: Columns, case: int, place: int) -> Inequality:
+        """Return the comparison that decided the margin of a requirement in a case."""
+        formula = next(x.parsed for x in self.scenario.requirement if x.id == self.names[place])
+        return comparisons(formula)[int(columns["requirement_comparison"][case, place])]
+
     def failure_rows(self, columns: Columns, again: str) -> Iterator[FailureRow]:
-        """Yield the outcome of each failure of each device, if one actuator fails per case."""
+        """Yield the outcome of each failure of each device, or of each pair of them."""
         failures = self.study.failures
-        if failures is None or not columns or columns["failure_kind"].shape[1] != 1:
+        if failures is None or not columns or columns["failure_kind"].shape[1] > 2:
             return
-        for device, places, one in recovery_by_device(columns, failures.names):
+        for device, places, one in recovery_by_devices(columns, failures.names):
             margins = columns["requirement_margin"][places]
             counts = (margins >= 0).sum(axis=0)
-            least = margins[:, counts.argmin()]
-            worst = int(places[np.argmin(np.nan_to_num(least, nan=-np.inf))])
+            fewest = int(counts.argmin())
+            worst = int(places[np.argmin(np.nan_to_num(margins[:, fewest], nan=-np.inf))])
+            decisive = self._decisive(columns, worst, fewest)
             left = np.bincount(columns["torques_left"][places]).argmax()
             diagnosis, settling = one.diagnosis, one.settling_delay
             detection = {} if diagnosis is None else diagnosis.detection_delay
             yield FailureRow(
                 device=device,
                 failure=one.kind,
+                severity=_severity(one, counts),
                 cases=one.cases,
                 left=TorquesLeft(left).name.lower().replace("_", " "),
                 detected=None if diagnosis is None else diagnosis.detected,
@@ -205,9 +214,18 @@ class _Study:
                 settling_time=settling[50.0].value if settling else math.nan,
                 propellant=_median(columns, "propellant", places),
                 met=dict(zip(self.names, counts.tolist(), strict=True)),
+                requirement=self.names[fewest],
+                margin=float(columns["requirement_margin"][worst, fewest]) / decisive.size,
+                unit=decisive.unit,
                 worst=worst,
                 command=again.format(worst),
             )
+
+
+def _severity(recovery: KindRecovery, met: np.ndarray) -> Severity:
+    if recovery.settled < recovery.cases:
+        return "critical"
+    return "major" if np.any(met < recovery.cases) else "minor"
 
 
 def _if_tried(verdict: VerdictName, margin: float) -> VerdictName:

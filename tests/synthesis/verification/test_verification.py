@@ -206,6 +206,54 @@ def test_failures_that_a_scenario_draws_itself_are_not_drawn_twice():
     assert names == ["dispersed"]
 
 
+def test_pairs_are_of_every_two_kinds_of_actuators():
+    conditions = conditions_of(load("hybrid-wheels"), False, pairs=True)[0][1:]
+    assert {one.name: one.text for one in conditions} == {
+        "thruster-thruster-fail": "dispersed, and two thrusters fail",
+        "thruster-wheel-fail": "dispersed, and a thruster and a wheel fail",
+        "wheel-wheel-fail": "dispersed, and two wheels fail",
+    }
+    mixed = conditions[1].scenario
+    assert [one.of.partition(" ")[0] for one in mixed.failure] == ["thruster", "wheel"]
+    kinds = mixed.dispersion.distributions["failure_kind"]
+    thruster, wheel = (
+        {value for value, weight in zip(*lists, strict=True) if weight}
+        for lists in zip(kinds.values, kinds.weights, strict=True)
+    )
+    assert thruster == {0, 1, 2, 3, 4, 6}
+    assert wheel == {0, 1, 2, 5}
+    assert len({one.of for one in conditions[2].scenario.failure}) == 2
+
+
+@pytest.mark.slow
+def test_every_pair_of_devices_fails(tmp_path):
+    (tmp_path / "s.toml").write_text(SCENARIO + AFTER_A_FAILURE)
+    arguments = ["--no-failures", "--pairs", "--fraction", "0.9", "--cases", "1000", "--quiet"]
+    assert (
+        run(["verify", str(tmp_path / "s.toml"), *arguments, "--out", str(tmp_path / "out")]) == 1
+    )
+    record = json.loads((tmp_path / "out" / "verification.json").read_text())
+    jsonschema.validate(
+        record, json.loads((tmp_path / "out" / "verification.schema.json").read_text())
+    )
+    rows = record["failures"]
+    assert {one["device"] for one in rows} == {
+        "wheel x + wheel 2",
+        "wheel x + wheel 3",
+        "wheel 2 + wheel 3",
+    }
+    flown = next(one["cases"] for one in record["shown"] if "fail" in one["condition"])
+    assert sum(one["cases"] for one in rows) == pytest.approx(2 / 3 * flown, rel=0.1)
+    dead = next(one for one in rows if one["failure"] == "wheel dead + wheel dead")
+    assert (dead["severity"], dead["recovered"]) == ("critical", 0)
+    half = [one["requirement"] for one in rows]
+    assert {*half} == {"HALF"}
+    words = rows[0]["command"].split()
+    assert run([*words[1:], "--out", str(tmp_path / "again"), "--quiet"]) == 0
+    dataset = open_trajectory(tmp_path / "again")
+    assert -dataset["omega"].values[0, 0] == pytest.approx(rows[0]["margin"], abs=1e-15)
+
+
 def test_a_device_that_has_failed_before_the_start_does_not_fail_again(tmp_path):
     fourth = '[[wheel]]\nname = "skew"\naxis = [1, 1, 1]\ntorque_limit_N_m = 0.05\n'
     failed = SCENARIO.replace('name = "x"\n', 'name = "x"\nfailed = true\n')
