@@ -2,14 +2,13 @@
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jaxsat.report.facts import scenario_tables
 from jaxsat.report.figure_painter import paint
 from jaxsat.report.plot import TIME, Axis, Line, Plot, Timeline
 from jaxsat.report.run_plots import signal_plots
-from jaxsat.report.style import MOST_LINES, escape_mathematics
+from jaxsat.report.style import MOST_LINES
 from jaxsat.report.timeline import (
     DIAGNOSED,
     diagnosed_names,
@@ -20,17 +19,8 @@ from jaxsat.report.timeline import (
     verdicts,
 )
 
-GREYS = ("1.0", "0.72", "0.86", "0.94")
-"""Greys of the phases, alternating light and dark."""
-
 IN_SERVICE = ("degraded", "friction up")
 """Failures of wheels that stay in use."""
-
-ROWS = 4
-"""Rows for the names of events, one below the other."""
-
-NARROW = 0.07
-"""Fraction of the time below which a phase has its name above, a second one to the right."""
 
 
 def failure_figure(dataset: xr.Dataset, *, title: str = "") -> Figure | None:
@@ -50,47 +40,36 @@ def failure_figure(dataset: xr.Dataset, *, title: str = "") -> Figure | None:
     events = [*failures[:1], *verdicts(dataset)][:3]
     if len(failures) > 1:  # failures and what was isolated, without the alarms
         events = sorted([*failures, *(one for one in verdicts(dataset) if one[1] != "alarm")])
-    timeline = Timeline(time, [(at, "") for at, _ in events])
+    marks = [(at, f"{name}, {at:.0f} s") for at, name in events]
     heading = title or subject_title(dataset, "failure, diagnosis, recovery")
-    figure = paint(plots, heading, 1.7, timeline)
-    total = figure.axes[0]
-    _draw_phases(dataset, total)
-    for row, (at, name) in enumerate(events):
-        total.annotate(
-            f"{escape_mathematics(name)}, {at:.0f} s",
-            (at, total.get_ylim()[1] * (0.55 - 0.14 * (row % ROWS))),
-            xytext=(24, 0),
-            textcoords="offset points",
-            arrowprops={"arrowstyle": "-", "linewidth": 0.7},
-            verticalalignment="center",
-            fontsize="small",
-            bbox={"facecolor": "white", "alpha": 0.85, "linewidth": 0, "pad": 1},
-        )
-    return figure
+    return paint(plots, heading, 1.9, Timeline(time, marks, phases(dataset)))
 
 
 def _failures(dataset: xr.Dataset) -> list[tuple[float, str]]:
     return failures_of(scenario_tables(dataset), dataset["time"].values)
 
 
-def phases(dataset: xr.Dataset) -> list[tuple[float, float, str]]:
-    """Return begin and end (s) and names of the phases of a run with failures."""
-    start, end = float(dataset["time"][0]), float(dataset["time"][-1])
+def phases(dataset: xr.Dataset) -> dict[str, np.ndarray]:
+    """Return which samples (n,) of a run with failures are in each phase after the first failure.
+
+    Before it all actuators work. Phases of the same name are one.
+    """
+    time = dataset["time"].values
     strikes = [at for at, _ in _failures(dataset)]
     settled = float(dataset["settled_from"]) if "settled_from" in dataset else np.inf
-    instants = [(start, "healthy: three axes")]
+    instants: list[tuple[float, str]] = []
     for strike, following in zip(strikes, [*strikes[1:], np.inf], strict=True):
-        instants.append((strike, "failed,\nnot known"))
+        instants.append((strike, "failed, not known"))
         isolations = [at for at, name in verdicts(dataset) if at >= strike and "isolated" in name]
         if isolations and isolations[0] < following:
             what = "settling" if following == np.inf else "flying"
-            instants.append(
-                (isolations[0], f"{what} by\n{_remaining_wheels(dataset, isolations[0])}")
-            )
+            wheels = _remaining_wheels(dataset, isolations[0])
+            instants.append((isolations[0], f"{what} by {wheels}"))
     if np.isfinite(settled) and settled > instants[-1][0]:
         instants.append((settled, "settled"))
-    ends = [at for at, _ in instants[1:]] + [end]
-    return [(at, to, name) for (at, name), to in zip(instants, ends, strict=True)]
+    numbers = np.searchsorted([at for at, _ in instants], time, side="right")
+    names = np.array(["", *(name for _, name in instants)])[numbers]
+    return {name: names == name for _, name in instants}
 
 
 def _remaining_wheels(dataset: xr.Dataset, at: float) -> str:
@@ -103,30 +82,6 @@ def _remaining_wheels(dataset: xr.Dataset, at: float) -> str:
     rods = " and rods" if "rods" in mode_names(after).values() else ""
     count = len(kinds) - sum(out_of_service)
     return f"{count} wheel{'' if count == 1 else 's'}{rods}"
-
-
-def _draw_phases(dataset: xr.Dataset, axes: Axes) -> None:
-    spans, one = phases(dataset), len(_failures(dataset)) == 1
-    whole = spans[-1][1] - spans[0][0]
-    before = False
-    for number, (begin, end, name) in enumerate(spans):
-        axes.axvspan(begin, end, color=GREYS[number % len(GREYS)], linewidth=0, zorder=0)
-        narrow = end - begin < NARROW * whole
-        side, before = "left" if before else "right", narrow
-        if narrow and not one:
-            continue  # of several failures the names of what happened tell enough
-        if not one:
-            name = name.replace(": ", ":\n")
-        axes.text(
-            (begin + end) / 2,
-            1.01 if narrow else 0.97,
-            name if not narrow else name.replace("\n", " "),
-            transform=axes.get_xaxis_transform(),
-            horizontalalignment=side if narrow else "center",
-            verticalalignment="bottom" if narrow else "top",
-            fontweight="bold",
-            fontsize="small",
-        )
 
 
 def _tests(dataset: xr.Dataset) -> Plot:
