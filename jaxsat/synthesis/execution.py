@@ -17,6 +17,7 @@ from jaxsat.scenario.resolution import excessive_error
 from jaxsat.store.files import OutputError
 from jaxsat.store.header import differences
 from jaxsat.store.ledger import study_columns
+from jaxsat.store.provenance import machine
 from jaxsat.store.resumable import ResumableFolder
 from jaxsat.studies.columns import ERRORS
 from jaxsat.studies.ensemble import Study
@@ -90,7 +91,10 @@ def run_columns(
 
 @contextmanager
 def folder_of_call(
-    out: str | Path | None, kind: str, identity: Mapping[str, Any] | None = None
+    out: str | Path | None,
+    kind: str,
+    identity: Mapping[str, Any] | None = None,
+    elsewhere: bool | None = None,
 ) -> Iterator[ResumableFolder]:
     """Open the folder by which the same call is resumed; without `out` a temporary one.
 
@@ -99,24 +103,42 @@ def folder_of_call(
     with ExitStack() as stack:
         if out is None:
             out = Path(stack.enter_context(tempfile.TemporaryDirectory())) / kind
-        yield stack.enter_context(resumable_folder(out, kind, identity, kind))
+        yield stack.enter_context(resumable_folder(out, kind, identity, kind, elsewhere))
 
 
 def resumable_folder(
-    path: str | Path, kind: str, identity: Mapping[str, Any] | None, what: str
+    path: str | Path,
+    kind: str,
+    identity: Mapping[str, Any] | None,
+    what: str,
+    elsewhere: bool | None = None,
 ) -> ResumableFolder:
     """Open a folder of one kind of result, new or of the same `identity` (plain data, if any).
 
-    Raises `OutputError` for a folder that cannot be used, or that holds another `what`.
+    Raises `OutputError` for a folder that cannot be used, that holds another `what`, or (with
+    `elsewhere` false, not None) that was begun with other versions or on another processor, where
+    the bits may differ.
     """
     if identity is None:
         return ResumableFolder(path, kind, {})
-    identity = json.loads(json.dumps(identity))
-    folder = ResumableFolder(path, kind, {"identity": identity})
-    other = differences(folder.about["identity"], identity)
-    if other:
+    about: dict[str, Any] = {"identity": identity}
+    if elsewhere is not None:
+        about["machine"] = machine()
+    about = json.loads(json.dumps(about))
+    folder = ResumableFolder(path, kind, about)
+    try:
+        if other := differences(folder.about["identity"], about["identity"]):
+            raise OutputError(
+                f"{folder.path} holds another {what} ({'; '.join(other)}); give another folder."
+            )
+        begun = folder.about.get("machine", {})
+        if elsewhere is False and (other := differences(begun, about["machine"])):
+            raise OutputError(
+                f"{folder.path} was begun under other conditions ({'; '.join(other)}), so results "
+                "may differ in their last bits; allow that explicitly or give another folder.",
+                elsewhere=True,
+            )
+    except BaseException:
         folder.close()
-        raise OutputError(
-            f"{folder.path} holds another {what} ({'; '.join(other)}); give another folder."
-        )
+        raise
     return folder

@@ -120,8 +120,7 @@ def test_a_full_disk_is_a_failure_and_no_mistake(jaxsat, monkeypatch):
 
     monkeypatch.setattr(run, "build_plan", lambda *_, **__: SimpleNamespace(remark=None))
     monkeypatch.setattr(run, "tuning_work", lambda *_: Work(1, 1, 1, 1))
-    monkeypatch.setattr(run, "plan_identity", lambda _: {})
-    monkeypatch.setattr(run, "TuningFolder", full)
+    monkeypatch.setattr(run, "tuning_folder", full)
     status, _, err = jaxsat("rate.toml", "--out", "run")
     assert status == 1
     assert "No space left on device" in err

@@ -15,7 +15,7 @@ from jaxsat.synthesis.controller_design.candidates import Candidate, written_out
 from jaxsat.synthesis.controller_design.studies import Studies
 from jaxsat.synthesis.controller_design.vehicle import Scale
 from jaxsat.synthesis.tuning.build import build_plan, tuned_scenario
-from jaxsat.synthesis.tuning.checkpoint import TuningFolder, plan_identity
+from jaxsat.synthesis.tuning.checkpoint import tuning_folder
 from jaxsat.synthesis.tuning.descent import DescentState
 from jaxsat.synthesis.tuning.plan import TuningPlan
 from jaxsat.synthesis.tuning.run import run_descent
@@ -120,8 +120,7 @@ def tune_candidate(
     progress, path = studies.listener.progress, studies.folder.path / FOLDER
     progress(f"{what}: compiling the gradient", None)
     plan = build_plan(shorter, workers=processors(), batch_size=32)
-    elsewhere = studies.execution.elsewhere
-    with TuningFolder(path, plan_identity(plan), elsewhere=elsewhere) as folder:
+    with tuning_folder(path, plan, elsewhere=studies.execution.elsewhere) as folder:
         progress(f"{what}: step 1 of {table.steps}", None)
         state = run_descent(shorter, plan, folder, report=lambda at: progress(what, at))
     control = tuned_scenario(shorter, plan, np.asarray(state.best_point)).control

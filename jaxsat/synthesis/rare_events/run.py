@@ -18,10 +18,10 @@ from jaxsat.scenario.build.study import PILOTS, refined_study
 from jaxsat.scenario.errors import MissingTable
 from jaxsat.scenario.parts.requirements import RequirementTable
 from jaxsat.scenario.resolution import excessive_error
-from jaxsat.store.files import OutputError, parse_json
+from jaxsat.store.files import OutputError
 from jaxsat.store.header import differences as where_other
 from jaxsat.store.marker import Marker
-from jaxsat.store.provenance import command_line, machine, provenance
+from jaxsat.store.provenance import command_line, provenance
 from jaxsat.store.resumable import ResumableFolder
 from jaxsat.studies.designs import Listed
 from jaxsat.studies.ensemble import Study
@@ -39,7 +39,7 @@ KIND = "rare event"
 """Kind of the output folder."""
 
 RECORD, SCHEMA = "rare-event.json", "rare-event.schema.json"
-SCENARIO, TABLE, MACHINE = "scenario.toml", "violations.csv", "machine.json"
+SCENARIO, TABLE = "scenario.toml", "violations.csv"
 
 
 def rare_event(
@@ -72,8 +72,7 @@ def rare_event(
     listener.approve([study_work(replace(study, count=_most_flights(settings)))])
     identity = _identity(scenario, study)
     identity |= {"requirement": table.id, "settings": vars(settings)}
-    with folder_of_call(out, KIND, identity) as folder:
-        _require_same_machine(folder, execution.elsewhere)
+    with folder_of_call(out, KIND, identity, execution.elsewhere) as folder:
         folder.write(SCENARIO, dump(scenario))
         tell = lambda count: listener.progress(f"{table.id}: {count:,} flights", None)  # noqa: E731
         flights = Flights(study, table.id, folder, execution.executor, tell)
@@ -155,19 +154,6 @@ def _identity(scenario: Scenario, study: Study) -> dict[str, Any]:
     identity = study.identity()
     own = {"engine": identity["engine"], "program": identity["program"]}
     return {"scenario": scenario.model_dump(mode="json"), **own}
-
-
-def _require_same_machine(folder: ResumableFolder, elsewhere: bool) -> None:
-    """Raise `OutputError` where the folder was begun under conditions that change last bits."""
-    content, here = folder.read(MACHINE), json.loads(json.dumps(machine()))
-    if content is None:
-        folder.write(MACHINE, json.dumps(here, indent=1) + "\n")
-    elif not elsewhere and (other := where_other(parse_json(content), here)):
-        raise OutputError(
-            f"{folder.path} was begun under other conditions ({'; '.join(other)}), so results may "
-            "differ in their last bits; allow that explicitly.",
-            elsewhere=True,
-        )
 
 
 def _excess(flights: Batch, scenario: Scenario) -> str:

@@ -14,6 +14,7 @@ from jaxsat.report.tuning_document import tuning_document
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.study import EngineName
 from jaxsat.store.files import parse_json
+from jaxsat.store.resumable import ResumableFolder
 from jaxsat.studies.work import Work
 from jaxsat.synthesis.execution import Listener
 from jaxsat.synthesis.tuning.baselines import (
@@ -23,7 +24,7 @@ from jaxsat.synthesis.tuning.baselines import (
     run_baselines,
 )
 from jaxsat.synthesis.tuning.build import build_plan, tuned_scenario
-from jaxsat.synthesis.tuning.checkpoint import TuningFolder, plan_identity
+from jaxsat.synthesis.tuning.checkpoint import stored_state, tuning_folder, write_state
 from jaxsat.synthesis.tuning.descent import DescentProgress, DescentState, descend, initial_state
 from jaxsat.synthesis.tuning.history import history_dataset
 from jaxsat.synthesis.tuning.plan import TuningPlan
@@ -139,14 +140,14 @@ def tune(
     if out is None:
         state = descend(plan, initial_state(plan), report=_descent_report(listener))
         return _conclude(scenario, plan, state, None, baselines, listener)
-    with TuningFolder(out, plan_identity(plan), elsewhere=elsewhere) as folder:
-        if folder.lost_state:
+    with tuning_folder(out, plan, elsewhere=elsewhere) as folder:
+        state = stored_state(folder, plan)
+        if state is None and folder.is_begun:
             listener.warn(f"{out} has lost its state, so the run begins again")
-        if folder.files.is_complete(SUMMARY) and (
-            folder.files.is_complete(BASELINES) or not baselines
-        ):
+        complete = folder.is_complete(SUMMARY) and (folder.is_complete(BASELINES) or not baselines)
+        if state is not None and complete:
             document = read_document(scenario.title, folder)
-            return _result(scenario, plan, folder.state(plan), baselines, listener, document)
+            return _result(scenario, plan, state, baselines, listener, document)
         listener.progress("compiling; trying the starts", None)
         state = run_descent(scenario, plan, folder, report=_descent_report(listener))
         return _conclude(scenario, plan, state, folder, baselines, listener)
@@ -177,7 +178,7 @@ def tuning_work(plan: TuningPlan, baselines: bool) -> Work:
 def run_descent(
     scenario: Scenario,
     plan: TuningPlan,
-    folder: TuningFolder,
+    folder: ResumableFolder,
     *,
     report: Callable[[DescentProgress], None] | None = None,
 ) -> DescentState:
@@ -185,10 +186,11 @@ def run_descent(
 
     def keep(state: DescentState) -> None:
         best = tuned_scenario(scenario, plan, state.best_point)
-        folder.keep(state)
-        folder.files.write(TUNED, dump(best))
+        write_state(folder, state)
+        folder.write(TUNED, dump(best))
 
-    state = folder.state(plan)
+    state = stored_state(folder, plan)
+    state = initial_state(plan) if state is None else state
     keep(state)
     return descend(plan, state, keep=keep, report=report)
 
@@ -197,7 +199,7 @@ def _conclude(
     scenario: Scenario,
     plan: TuningPlan,
     state: DescentState,
-    folder: TuningFolder | None,
+    folder: ResumableFolder | None,
     baselines: bool,
     listener: Listener,
 ) -> TuningResult:
@@ -233,25 +235,25 @@ def _descent_report(listener: Listener) -> Callable[[DescentProgress], None]:
     return lambda progress: listener.progress("tuning", progress)
 
 
-def read_document(title: str, folder: TuningFolder) -> Document:
+def read_document(title: str, folder: ResumableFolder) -> Document:
     """Return the document of a concluded run."""
     names = ("verdict.json", "receipt.json", BASELINES)
-    verdict, receipt, baselines = (parse_json(folder.files.read(name)) for name in names)
+    verdict, receipt, baselines = (parse_json(folder.read(name)) for name in names)
     return tuning_document(title, verdict, receipt, baselines or (), missing_packages())
 
 
-def _write_json(folder: TuningFolder | None, name: str, data: Any) -> None:
+def _write_json(folder: ResumableFolder | None, name: str, data: Any) -> None:
     if folder is not None:
-        folder.files.write(name, json.dumps(data, indent=1, ensure_ascii=False) + "\n")
+        folder.write(name, json.dumps(data, indent=1, ensure_ascii=False) + "\n")
 
 
-def _write_results(result: TuningResult, folder: TuningFolder) -> None:
+def _write_results(result: TuningResult, folder: ResumableFolder) -> None:
     from jaxsat.report.saving import save_figures
     from jaxsat.store.netcdf import dataset_bytes
 
-    folder.files.write("history.nc", dataset_bytes(result.history))
-    folder.files.write(SUMMARY, result.summary)
-    save_figures(lambda: _figures(result), folder.files.write)
+    folder.write("history.nc", dataset_bytes(result.history))
+    folder.write(SUMMARY, result.summary)
+    save_figures(lambda: _figures(result), folder.write)
 
 
 def _figures(result: TuningResult) -> "dict[str, Figure]":
