@@ -3,11 +3,9 @@
 The scheduler is located by its address, or by the JSON file that it wrote.
 """
 
-import json
 import os
 import platform
 import re
-import stat
 import threading
 import time
 import warnings
@@ -21,10 +19,8 @@ from typing import Any, TypeVar, cast
 from distributed import Client
 from distributed.versions import VersionMismatchWarning
 
+from jaxsat.store.files import parse_json, read_or_explain
 from jaxsat.studies.executors import ClusterError
-
-MAX_FILE_SIZE = 1_000_000
-"""Bytes read of a scheduler's file at most; such a file has about a thousand."""
 
 FLUSHED_S = 1.0
 """Time limit, s, for a scheduler to write its file in full."""
@@ -38,7 +34,7 @@ def scheduler_address(place: str, timeout: float) -> str:
     """Return the address of the scheduler at `place`, which is an address or a scheduler's file.
 
     An absent file is awaited for `timeout` seconds. Raises `ValueError` if there is none then, or
-    the file is invalid.
+    the file is invalid, and `OutputError` for one that cannot be read.
     """
     if not os.path.exists(place):
         if ADDRESS.fullmatch(place):
@@ -50,36 +46,16 @@ def scheduler_address(place: str, timeout: float) -> str:
             )
     start = time.monotonic()
     while True:
-        try:
-            return _address_in(Path(place))
-        except FileNotFoundError:
-            limit, reason = timeout, f"there is none after {timeout:g} s"
-        except json.JSONDecodeError as error:
-            limit, reason = FLUSHED_S, f"it must be JSON, but {error}"
-        except (OSError, ValueError) as error:
-            limit, reason = 0.0, getattr(error, "strerror", None) or str(error)
+        document = parse_json(read_or_explain(Path(os.path.realpath(place))))
+        address = document.get("address") if isinstance(document, dict) else None
+        if isinstance(address, str) and ADDRESS.fullmatch(address):
+            return address
+        limit, reason = timeout, f"there is none after {timeout:g} s"
+        if os.path.exists(place):
+            limit, reason = FLUSHED_S, f"it must have the key `address`, such as {EXAMPLE}"
         if time.monotonic() - start >= limit:
             raise ValueError(f"The scheduler's file {place!r} cannot be used: {reason}.")
         time.sleep(0.1)
-
-
-def _address_in(path: Path) -> str:
-    if not stat.S_ISREG(path.stat().st_mode):
-        raise ValueError("it must be a regular file")
-    with path.open("rb") as file:
-        content = file.read(MAX_FILE_SIZE + 1)
-    if len(content) > MAX_FILE_SIZE:
-        raise ValueError(f"it must be of at most {MAX_FILE_SIZE} bytes")
-    try:
-        document = json.loads(content.decode())
-    except json.JSONDecodeError:
-        raise
-    except (RecursionError, ValueError):  # nested too deeply; no valid text; long numbers
-        raise ValueError("it must be the JSON that a scheduler wrote") from None
-    address = document.get("address") if isinstance(document, dict) else None
-    if not isinstance(address, str) or not ADDRESS.fullmatch(address):
-        raise ValueError(f"it must have the key `address` with a text such as {EXAMPLE}")
-    return address
 
 
 ANSWER_S = 30.0

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from jaxsat.studies.connection import MAX_FILE_SIZE, scheduler_address
+from jaxsat.studies.connection import scheduler_address
 
 PLACES = ["tcp://host:8786", "tls://10.0.0.1:8786", "host:8786", "[::1]:8786", "inproc://a/1/2"]
 
@@ -18,6 +18,9 @@ def test_addresses_are_taken_as_they_are_and_from_files(tmp_path, place):
     file = tmp_path / "s.json"
     file.write_text(json.dumps({"type": "Scheduler", "address": place, "workers": {}}))
     assert scheduler_address(str(file), 0.0) == place
+    link = tmp_path / "link.json"
+    link.symlink_to(file)
+    assert scheduler_address(str(link), 0.0) == place
 
 
 @pytest.mark.parametrize(
@@ -30,31 +33,33 @@ def test_what_is_neither_is_refused(place):
 
 
 CONTENTS = {
-    "empty": (b"", "must be JSON"),
-    "garbage": (b"{nonsense", "must be JSON"),
-    "binary": (bytes(range(256)), "must be the JSON that a scheduler wrote"),
-    "deep": (b"[" * 200_000, "must be the JSON that a scheduler wrote"),
-    "digits": (b"1" * 5000, "must be the JSON that a scheduler wrote"),
-    "list": (b"[1]", "must have the key `address`"),
-    "number": (b'{"address": 5}', "must have the key `address`"),
-    "other": (b'{"key": "tcp://host:1"}', "must have the key `address`"),
-    "place": (b'{"address": "/tmp/x"}', "must have the key `address`"),
-    "large": (b" " * (MAX_FILE_SIZE + 1), "must be of at most"),
+    "empty": b"",
+    "garbage": b"{nonsense",
+    "binary": bytes(range(256)),
+    "deep": b"[" * 200_000,
+    "digits": b"1" * 5000,
+    "list": b"[1]",
+    "number": b'{"address": 5}',
+    "other": b'{"key": "tcp://host:1"}',
+    "place": b'{"address": "/tmp/x"}',
 }
 
 
-@pytest.mark.parametrize("kind", CONTENTS)
-def test_files_of_others_are_refused(tmp_path, monkeypatch, kind):
+@pytest.fixture
+def impatient(monkeypatch):
     monkeypatch.setattr("jaxsat.studies.connection.FLUSHED_S", 0.0)
-    content, message = CONTENTS[kind]
+
+
+@pytest.mark.parametrize("kind", CONTENTS)
+def test_files_of_others_are_refused(tmp_path, impatient, kind):
     file = tmp_path / "s.json"
-    file.write_bytes(content)
-    with pytest.raises(ValueError, match=f"s.json' cannot be used: it {message}"):
+    file.write_bytes(CONTENTS[kind])
+    with pytest.raises(ValueError, match=r"s\.json' cannot be used: it must have the key"):
         scheduler_address(str(file), 10.0)
 
 
 @pytest.mark.parametrize("kind", ["folder", "fifo", "device"])
-def test_what_is_no_file_is_refused(tmp_path, kind):
+def test_what_is_no_file_is_refused(tmp_path, impatient, kind):
     place = tmp_path / "s.json"
     if kind == "folder":
         place.mkdir()
@@ -62,7 +67,7 @@ def test_what_is_no_file_is_refused(tmp_path, kind):
         getattr(os, "mkfifo", lambda _: pytest.skip("needs FIFOs"))(place)
     else:
         place.symlink_to(os.devnull)
-    with pytest.raises(ValueError, match="must be a regular file"):
+    with pytest.raises(ValueError, match="must have the key `address`"):
         scheduler_address(str(place), 10.0)
 
 
