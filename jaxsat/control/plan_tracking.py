@@ -1,7 +1,7 @@
 """The tracker of a plan that was made before, which flight code has in place of a planner."""
 
 import enum
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -75,7 +75,28 @@ class PlanRow(NamedTuple):
     rate_gain: Float[Array, "m 3"]
 
 
-class PlanTracking(AbstractSampledController):
+class AbstractPlanLaw(AbstractSampledController):
+    """A law that follows plans; before and after them `settling`, the law of three slews, acts."""
+
+    settling: eqx.AbstractVar[ThreeSlewSettling]
+
+    @property
+    def period(self) -> RealScalar:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The control period, s: that of `settling`."""
+        return self.settling.period
+
+    @property
+    def form(self) -> NormalForm:
+        """The law's model of the plant, with its frame."""
+        return self.settling.form
+
+    def judged(self, memory: Any) -> SettlingMemory:
+        """The memory of the law of three slews, without that of a search, whose trials may
+        diverge."""
+        return memory.settling
+
+
+class PlanTracking(AbstractPlanLaw):
     """Follows a plan by feedback along it, and settles the remaining errors by three slews.
 
     The plan is data: another one may take its place at any time before its own begin. It is
@@ -89,16 +110,6 @@ class PlanTracking(AbstractSampledController):
     settling: ThreeSlewSettling
     plan: PlanTable
     largest_error: RealScalar = eqx.field(converter=positive("largest_error"), default=0.5)
-
-    @property
-    def period(self) -> RealScalar:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """The control period, s: that of `settling`."""
-        return self.settling.period
-
-    @property
-    def form(self) -> NormalForm:
-        """The law's model of the plant, with its frame."""
-        return self.settling.form
 
     @property
     def plan_keys(self) -> tuple[Key, ...]:
@@ -176,10 +187,6 @@ class PlanTracking(AbstractSampledController):
         x, u = jnp.concatenate([row.attitude, row.rate * unit]), row.torque / program.limit
         since, first = (self.plan.begin + begin) / unit, jnp.zeros_like(share)
         return program.interval(since, first, x, share * self.plan.duration / unit, u)
-
-    def judged(self, memory: PlanTrackingMemory) -> SettlingMemory:
-        """The memory of the law of three slews."""
-        return memory.settling
 
     def rate_error(self, state: PlantState, memory: PlanTrackingMemory) -> Pair:
         """ω - ω_d of the law of three slews while it is active, else NaN, rad/s."""

@@ -10,9 +10,10 @@ from jaxtyping import Array, Float
 
 from jaxsat.control.driven_axes import DrivenFit, DrivenMemory, FittedDynamics
 from jaxsat.control.handover import RippleSlack
-from jaxsat.control.normal_form import NormalForm, clipped
+from jaxsat.control.normal_form import clipped
 from jaxsat.control.plan_tracking import (
     FAR,
+    AbstractPlanLaw,
     PlanTracking,
     error_angle,
     filtered,
@@ -22,7 +23,6 @@ from jaxsat.control.plan_tracking import (
 from jaxsat.control.planning.search import PlanSearch, Search
 from jaxsat.control.planning.tracking import Followed, followed_if, following_torque
 from jaxsat.control.planning.transcription import STATES, Transcription
-from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
 from jaxsat.core.array_types import IntScalar, Pair, RealScalar
 from jaxsat.core.checks import not_negative, positive, require_counts, require_positive
@@ -83,7 +83,7 @@ class PlannedMemory(NamedTuple):
     searched: RealScalar
 
 
-class PlannedSettling(AbstractSampledController):
+class PlannedSettling(AbstractPlanLaw):
     """Plans the fastest manoeuvre in flight, tracks it, and settles the remaining errors.
 
     During the search for the first plan, of at most `search.most_pieces` periods, the body coasts.
@@ -113,16 +113,6 @@ class PlannedSettling(AbstractSampledController):
     def __check_init__(self):
         require_counts(intervals=self.intervals)
         require_positive("1 - margin", 1 - self.margin)
-
-    @property
-    def period(self) -> RealScalar:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """The control period, s: that of `settling`."""
-        return self.settling.period
-
-    @property
-    def form(self) -> NormalForm:
-        """The law's model of the plant, with its frame."""
-        return self.settling.form
 
     def program(self, settling: SettlingMemory, driven: DrivenMemory) -> Transcription:
         """The nonlinear program of the plans: torques about x and y, the dynamics as estimated."""
@@ -232,10 +222,6 @@ class PlannedSettling(AbstractSampledController):
         near = self.search.near(program, memory.search, now, x, plan, now - begin)
         search = choose(begins, anew, choose(again, near, memory.search))
         return search, jnp.where(begins | again, now, memory.searched)
-
-    def judged(self, memory: PlannedMemory) -> SettlingMemory:
-        """The memory without that of the search, whose trials may diverge."""
-        return memory.settling
 
     def rate_error(self, state: PlantState, memory: PlannedMemory) -> Pair:
         """ω - ω_d of the law of three slews while it is active, else NaN, rad/s."""
