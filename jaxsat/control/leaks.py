@@ -185,20 +185,27 @@ class Leaks(eqx.Module):
         memory: LeakMemory,
     ) -> tuple[Float[Array, " m"], LeakMemory]:
         """Duties with the `wanted` acceleration (rad/s²) about n added, in whole pulses of all
-        thrusters of a combination at once."""
+        thrusters of a combination at once.
+
+        It has what the `duty` in the plane leaves: a combination that one of its thrusters cannot
+        follow makes a torque in the plane, which takes what steers there or even turns it round.
+        """
         leaking = jnp.sum(self.believed(fit) * (self.basis @ (limit * duty)))
         share = period / (self.averaged + period)
         owed = memory.owed + wanted * period
         way = jnp.where(owed < 0, 0, 1)
         most, extra = memory.push[way] * period, memory.duty[way]
         owed = jnp.clip(owed, -memory.push[0] * period, memory.push[1] * period)
-        part = jnp.abs(owed) / jnp.where(most > 0, most, 1.0)
-        fires = (
-            part * period * jnp.max(extra) >= jnp.max(jnp.where(extra > 0, self.pulse, 0.0))
-        ) & (most > 0)
+        demanded = jnp.abs(owed) / jnp.where(most > 0, most, 1.0)
+        uses = extra > 0
+        room = jnp.min(jnp.where(uses, (1 - duty) / jnp.where(uses, extra, 1.0), jnp.inf))
+        part = jnp.minimum(demanded, room)
+        pulse = jnp.max(jnp.where(uses, self.pulse, 0.0))
+        fires = (part * period * jnp.max(extra) >= pulse) & (most > 0)
         part = jnp.where(fires, part, 0.0)
+        owed = jnp.where(fires, jnp.sign(owed) * (demanded - part) * most, owed)
         return jnp.minimum(duty + part * extra, 1.0), memory._replace(
-            owed=jnp.where(fires, 0.0, owed), drift=memory.drift + share * (leaking - memory.drift)
+            owed=owed, drift=memory.drift + share * (leaking - memory.drift)
         )
 
 

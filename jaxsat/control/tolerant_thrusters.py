@@ -155,8 +155,8 @@ class TolerantThrusters(AbstractTolerantActuators):
         if demand.use is not None:  # the torque can be made, and comes before what is owed
             steady = jnp.where(three, demand.torque, steady)
             torque = jnp.where(three, owed / period, torque)
-        flow = thrusters.torque @ now.diagnosis.condition.flow
-        torque, steady = jnp.where(holds, torque, 0.0), jnp.where(holds, steady, -flow)
+        opposed = jnp.where(self.flows(now), self.steady(now, period), 0.0)
+        torque, steady = jnp.where(holds, torque, 0.0), jnp.where(holds, steady, opposed)
         thrust, missed = self.reconfiguration.duties(torque, limit, steady)
         if demand.use is not None:
             unmade = jnp.where(three, period * missed, 0.0)

@@ -71,3 +71,19 @@ def test_one_sided_thrusters_in_a_skew_plane_settle():
     scenario = load(Path(__file__).with_name("skew-plane.toml"))
     found = build_study(scenario, 16, seed=5).values(np.arange(16))
     assert np.count_nonzero(np.isfinite(found["settling_time"])) >= 12
+
+
+@pytest.mark.slow
+def test_nothing_spins_up_where_mountings_are_off_by_too_much_to_settle():
+    """By a degree, thrusts wrong by a tenth, from up to 0.16 rad/s: a quarter settles, all others
+    turn slowly at the end. Pushes that took the torque in the plane, and thrust against a flow that
+    was not there, spun some up to 3 rad/s."""
+    wide = 'distribution="uniform", low=-{0}, high={0}'
+    drawn = {"misalignment_rad": 0.0175, "torque_gain": 0.1, "omega_rad_s": 0.0926}
+    changes = [f"dispersion.{key}={{{wide.format(size)}}}" for key, size in drawn.items()]
+    changes += ['modulation={kind="pwm"}', "simulation.duration_s=1260"]
+    scenario = load(Path(__file__).with_name("skew-plane.toml"), changes)
+    found = build_study(scenario, 64, seed=11, history=11).values(np.arange(64))
+    rates = np.linalg.norm(found["history_relative_rate"], axis=2)
+    assert rates[:, -1].max() < 0.12
+    assert np.count_nonzero(np.isfinite(found["settling_time"])) >= 12

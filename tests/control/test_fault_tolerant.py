@@ -237,6 +237,11 @@ def test_damping_takes_energy_out_whatever_is_left():
         duty, _ = at_rest(struck)
         np.testing.assert_allclose(torque @ (limit * duty), -flow * torque[:, 0], atol=1e-9)
         assert not duty[limit == 0].any()
+    # A flow that the estimated torque besides takes back is not there, and opposed by nothing.
+    condition = struck.diagnosis.condition
+    condition = condition._replace(torque=-thrusters.reconfiguration.torque @ condition.flow)
+    absent = struck._replace(diagnosis=struck.diagnosis._replace(condition=condition))
+    np.testing.assert_allclose(at_rest(absent)[0], 0, atol=1e-9)
     along = 1e-2 * torque @ duty / np.linalg.norm(torque @ duty)
     fewer = np.asarray(thrusters.damping(sample(along), struck, duty))
     assert along @ torque @ fewer < along @ torque @ np.asarray(duty)

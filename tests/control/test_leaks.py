@@ -67,6 +67,21 @@ def test_pulses_of_a_combination_make_the_push_that_was_asked_for():
     assert float(change.sum()) == pytest.approx(1e-4, rel=0.2)
 
 
+def test_a_push_has_what_the_torques_in_the_plane_leave_and_takes_none_of_them():
+    """Beside a torque that fills a thruster of the combination nothing is pushed, beside half of
+    that the rest, and what the demand still lacks is owed."""
+    one, fit, period = leaks(), fitted(4e-3, -3e-3, 1.0, 0.0), jnp.array(0.1)
+    memory = one.found(fit, LIMIT, LeakMemory.none(6))
+    most = float(memory.push[1])
+    place = int(jnp.argmax(memory.duty[1]))
+    for own, part in ((1.0, 0.0), (0.5, 0.5), (0.0, 1.0)):
+        duty = jnp.zeros(6).at[place].set(own)
+        pushed, after = one.push(fit, memory.push[1], duty, LIMIT, period, memory)
+        np.testing.assert_allclose(pushed - duty, part * memory.duty[1], atol=1e-12)
+        np.testing.assert_allclose(PLANE @ (pushed - duty), 0, atol=1e-12)
+        assert float(after.owed) == pytest.approx((1 - part) * most * 0.1, abs=1e-15)
+
+
 def test_the_push_is_critically_damped_and_one_sign_alone_only_opposes_a_drift():
     both = jnp.array([1e-5, 2e-5])
     turn = wanted_push(Slow(jnp.array(0.0), jnp.array(0.01)), jnp.array(0.0), both)
