@@ -18,7 +18,7 @@ from jaxsat.control.controller import (
 from jaxsat.control.diagnosis.diagnosis import Diagnosis
 from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
-from jaxsat.control.fault_tolerant import FaultTolerant
+from jaxsat.control.fault_tolerant import PARALLEL, FaultTolerant
 from jaxsat.control.fine import OscillatorySettling
 from jaxsat.control.leaks import Leaks
 from jaxsat.control.momentum_fit import MomentumFit
@@ -160,7 +160,7 @@ def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> Faul
     Raises `UnsuitableModel` where what works at the start cannot steer three axes.
     """
     actuators: list[AbstractTolerantActuators] = []
-    settles = False
+    settles, context = False, _without_idle_wheels(context)
     if context.thrusters is not None:
         thrusters = _tolerant_thrusters(values, context, context.thrusters)
         settles = _settles(thrusters, context.wheels)
@@ -187,11 +187,37 @@ def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> Faul
 def _settles(thrusters: TolerantThrusters, wheels: WheelContext | None) -> bool:
     """Whether thrusters settle all axes at the start, alone or with the wheels that work."""
     tables = thrusters.reconfiguration
-    if wheels is None:
+    if _no_wheel_works(wheels):
         return int(np.asarray(tables.left)[0]) != Left.LESS
+    return _left_with(np.asarray(tables.torque), cast(WheelContext, wheels)) == Left.THREE_AXES
+
+
+def _left_with(torque: Float[np.ndarray, "3 m"], wheels: WheelContext) -> Left:
+    """Return what thrusters of these torques (N m) and the wheels that work make together."""
     axes = np.asarray(wheels.wheels.axes)[:, ~wheels.failed]
-    columns = np.concatenate([unit_columns(np.asarray(tables.torque)), axes, -axes], axis=1)
-    return what_is_left(columns, ()).left == Left.THREE_AXES
+    return what_is_left(np.concatenate([unit_columns(torque), axes, -axes], axis=1), ()).left
+
+
+def _no_wheel_works(wheels: WheelContext | None) -> bool:
+    return wheels is None or bool(np.all(wheels.failed))
+
+
+def _without_idle_wheels(context: LawContext) -> LawContext:
+    """Return the context with a wheel given up that leaves thrusters a plane of torques.
+
+    Thrusters then fly by two torques, to which one axis of wheels adds nothing.
+    """
+    wheels, thrusters = context.wheels, context.thrusters
+    if wheels is None or thrusters is None:
+        return context
+    torque = np.asarray(thrusters.model.torque)
+    axes = np.asarray(wheels.wheels.axes)[:, ~wheels.failed]
+    planar = what_is_left(torque, ()).left == Left.PLANE
+    if not planar or np.linalg.matrix_rank(axes, tol=PARALLEL) != 1:
+        return context
+    if _left_with(torque, wheels) == Left.THREE_AXES:
+        return context
+    return context._replace(wheels=wheels._replace(failed=np.ones_like(wheels.failed)))
 
 
 def _band(band: float | None, context: LawContext) -> ThirdAxisBand | None:
@@ -225,9 +251,9 @@ def _tolerant_thrusters(
     pulse = float(np.max(sizes * thrusters.pulse))
     sets, settling = failed_sets(torque), None
     wheels = None if context.wheels is None else context.wheels.wheels
-    if wheels is None:
+    if _no_wheel_works(context.wheels):
         sets, settling = _settling(values, context, torque, sets, Steps(pulse, noise))
-    else:
+    if wheels is not None:
         noise = float(np.hypot(noise, _noise_by_wheels(context, values["period_s"])))
     return TolerantThrusters(
         filter=ThrusterFilter(context.model, thrusters.model, noise, wheels),

@@ -101,12 +101,14 @@ class Reconfiguration(eqx.Module):
 
     `left` has the `Left` of each set. `number` (m, m) is the number of the set with two given
     thrusters as first and last, -1 without a table. `torque` (3, m) is that at full thrust (N m).
+    `flat`: no thruster has torque about some body axis, so that no failure leaves three axes.
     """
 
     torque: Float[Array, "3 m"] = eqx.field(converter=as_float)
     duties: LeastPropellant
     number: Int[Array, "m m"]
     left: Int[Array, " sets"]
+    flat: bool = eqx.field(static=True)
 
     @staticmethod
     def of(
@@ -117,11 +119,13 @@ class Reconfiguration(eqx.Module):
         for place, one in enumerate(sets):
             if one.failed:
                 number[one.failed[0], one.failed[-1]] = place
+        largest = np.abs(torque).max(axis=1)
         return Reconfiguration(
             torque,
             LeastPropellant.of(torque, cost),
             as_array(number),
             as_array(np.array([int(one.left) for one in sets])),
+            flat=bool(largest.min() <= FLAT * largest.max()),
         )
 
     @property
@@ -188,6 +192,8 @@ class Reconfiguration(eqx.Module):
 
     def _spans(self, limit: Float[Array, " m"], steady: Vector, spare: RealScalar) -> BoolScalar:
         """Whether a torque (N m) plus the part `spare` of the largest on each axis is possible."""
+        if self.flat:
+            return jnp.array(False)
         largest = jnp.max(jnp.abs(self.torque), axis=1)
         smallest = (SMALL * jnp.max(largest)) ** 2
         ways = jnp.concatenate([jnp.eye(3), -jnp.eye(3)])

@@ -33,7 +33,7 @@ LEFT: Mapping[Laws, WhatFlies] = {
     ),
     "two torques": WhatFlies(
         "the laws for two torques apply, in the plane of the torques of both signs; so does the "
-        "law fault-tolerant, for tables [[thruster]] and without [[wheel]]",
+        "law fault-tolerant, for tables [[thruster]], which leaves a wheel beside them idle",
         (
             TolerantMode.STOPPING,
             TolerantMode.SLEWING,
@@ -44,14 +44,14 @@ LEFT: Mapping[Laws, WhatFlies] = {
     ),
     "two wheels": WhatFlies(
         "the laws for two torques apply, by wheels without momentum about their normal, and the "
-        "law fault-tolerant where no thruster works beside them",
+        "law fault-tolerant",
         (TolerantMode.TWO_WHEELS,),
         ("fault-tolerant", "three-axis", "three-slew"),
     ),
     "nearest attitude": WhatFlies(
-        "the law fault-tolerant applies where no thruster works beside the wheels; with their "
-        "momentum two wheels hold some attitudes, and it goes to the one nearest to the target, "
-        "unless the momentum would turn the body faster than a slew may",
+        "the law fault-tolerant applies; with their momentum two wheels hold some attitudes, and "
+        "it goes to the one nearest to the target, unless the momentum would turn the body faster "
+        "than a slew may",
         (TolerantMode.NEAREST,),
         ("fault-tolerant",),
         everywhere=False,

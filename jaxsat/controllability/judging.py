@@ -160,6 +160,8 @@ def _with_one_wheel(
         for level in (tolerance, ROUNDING)
     )
     laws: Laws = "three torques" if cone.two_sided == 3 else alone.laws
+    if laws == "two torques" and np.any(healthy.stored):
+        laws = "none"  # no law of two torques models the momentum
     verdict: Verdict = "uncontrollable"
     if laws != "none":
         verdict = "controllable"

@@ -39,7 +39,7 @@ _REASONS = {
 _LEFT = {
     TorquesLeft.THREE_AXES: "torques about three axes are left",
     TorquesLeft.TWO_TORQUES: "two torques are left, controllable",
-    TorquesLeft.BY_DRIFT: "controllable by drift alone, which no law uses",
+    TorquesLeft.BY_DRIFT: "controllable in principle, which no law uses",
     TorquesLeft.SOME_ATTITUDES: "two wheels with momentum are left, which hold some attitudes",
     TorquesLeft.TOO_FEW: "too few torques are left: not controllable",
     TorquesLeft.UNOPPOSED_TORQUE: "nothing opposes the torque of a failed thruster with a margin",

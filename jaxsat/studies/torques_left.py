@@ -52,7 +52,7 @@ _LEFT: Mapping[Laws, TorquesLeft] = {
 """Code by the laws of a judgement that reach every attitude."""
 
 _UNFLOWN = {
-    "controllable": TorquesLeft.TWO_TORQUES,
+    "controllable": TorquesLeft.BY_DRIFT,
     "by drift": TorquesLeft.BY_DRIFT,
     "some attitudes": TorquesLeft.SOME_ATTITUDES,
     "uncontrollable": TorquesLeft.TOO_FEW,
@@ -155,8 +155,8 @@ def torques_left(
     If failed thrusters make a constant torque, the strength of each thruster of a case counts:
     relative to the nominal one by 1 + `gain`. Otherwise the torques of the nominal loop decide:
     dispersed axes that are not quite parallel add no independent torque. `momentum` (N m s) is that
-    of body and effectors at the start. If two wheels alone remain, the tolerances in `hold` and
-    the momentum of each case decide whether they hold the target.
+    of body and effectors at the start. If two wheels alone remain where no thrusters were, the
+    tolerances in `hold` and the momentum of each case decide whether they hold the target.
     """
     parts = list(zip(loop.plant.effectors, _reaches_left(loop, failures), strict=True))
     none = _Reaches.of(Reach.none(), len(failures["failure_kind"]))
@@ -301,7 +301,7 @@ def _judge(
     rods: RodSet | None,
     left: Bool[np.ndarray, " rods"],
 ) -> tuple[int, np.ndarray | None]:
-    """Code, and the normal of two wheels if they alone remain."""
+    """Code, and the normal of two wheels if they alone remain, and no thruster was beside them."""
     inertia = np.asarray(loop.plant.spacecraft.inertia)
     axes = np.concatenate(
         [np.zeros((3, 0)), *(one.columns[:, one.healthy] for one in here)], axis=1
@@ -327,9 +327,23 @@ def _judge(
         return _LEFT[judgement.laws] if held else TorquesLeft.UNHELD_MOMENTUM, None
     if judgement.verdict == "borderline":
         return TorquesLeft.NOT_DECIDED, None
-    wheels, thrusters = judgement.level_set, np.any(judgement.actuators.torques)
-    normal = None
-    if wheels is not None and wheels.axes == 2 and wheels.rests and not thrusters:
+    # Thrusters have changed the momentum before, by what only the flight tells.
+    pushed = any(one.even for one in loop.plant.effectors)
+    if judgement.laws == "nearest attitude" or (judgement.laws == "two wheels" and pushed):
+        code = TorquesLeft.SOME_ATTITUDES
+    elif judgement.laws == "two torques" and not _flies_planes(loop):
+        code = TorquesLeft.BY_DRIFT
+    else:
+        unflown = _UNFLOWN.get(judgement.verdict, TorquesLeft.NOT_DECIDED)
+        code = _LEFT.get(judgement.laws, unflown)
+    wheels, normal = judgement.level_set, None
+    if wheels is not None and wheels.axes == 2 and wheels.rests and not pushed:
         normal = wheels.missing[:, 0]
-    unflown = _UNFLOWN.get(judgement.verdict, TorquesLeft.NOT_DECIDED)
-    return _LEFT.get(judgement.laws, unflown), normal
+    return code, normal
+
+
+def _flies_planes(loop: AbstractLoop) -> bool:
+    """Whether the law flies by thrusters in a plane. One that diagnoses wheels does not beside
+    those that worked at the start: they keep momentum, which no law of two torques models."""
+    law = sampled_law(loop)
+    return law is None or law.known is None or bool(np.all(law.known))

@@ -148,3 +148,57 @@ def test_momentum_changes_in_orbit_as_scipy_integrates_it():
         frame(t) @ one - inertia @ [0, -rate, 0] for t, one in zip(times, told, strict=True)
     ]
     np.testing.assert_allclose(path, expected, atol=1e-5 * np.abs(path).max())
+
+
+PAIR = (
+    "thruster=["
+    "{torque_axis=[0,0,1],torque_N_m=0.5,min_on_time_s=0.02},"
+    "{torque_axis=[0,0,-1],torque_N_m=0.5,min_on_time_s=0.02}]"
+)
+PLANE = (
+    "thruster=["
+    + ",".join(
+        f"{{torque_axis={axis},torque_N_m=0.5,min_on_time_s=0.02}}"
+        for axis in ("[1,0,0]", "[-1,0,0]", "[0,1,0.1]", "[0,-1,-0.1]")
+    )
+    + "]"
+)
+
+
+def beside(thrusters, *axes, **keys):
+    """Changes of a scenario: thrusters, the second of which fails, and wheels along these axes."""
+    extra = "".join(f",{key}={value}" for key, value in keys.items())
+    wheels = ",".join(f"{{axis={axis},torque_limit_N_m=0.4{extra}}}" for axis in axes)
+    return [thrusters, f"wheel=[{wheels}]", "failure=[{of='thruster 2',at_s=5,kind='dead'}]"]
+
+
+def dead(loop, part, kind="dead", momentum=(0.0, 0.0, 0.0)):
+    """What is left where the actuator with this number among all, or none, is dead."""
+    failures = {
+        "failure_time": np.array([[5.0]]),
+        "failed_part": np.array([[part]]),
+        "failure_kind": np.array([[FAILURES.index(kind)]]),
+        "failure_amount": np.array([[np.nan]]),
+    }
+    return TorquesLeft(int(torques_left(loop, np.array(momentum), failures)[0]))
+
+
+def test_thrusters_leave_two_wheels_a_momentum_that_only_the_flight_tells():
+    """One of a pair that made the third axis dies: two wheels hold some attitudes, in an orbit
+    frame none for long, whatever the momentum at the start was."""
+    changes = beside(PAIR, "[1,0,0]", "[0,1,0]")
+    inertial = build(load("wheels-fail", changes)).loop
+    for momentum in ((0.0, 0.0, 0.0), (1.0, 2.0, 0.5)):
+        assert dead(inertial, 1, momentum=momentum) == TorquesLeft.SOME_ATTITUDES
+    orbit = build(load("wheels-fail", [*changes, "orbit={altitude_km=500}"])).loop
+    assert dead(orbit, 1, momentum=(1.0, 2.0, 0.5)) == TorquesLeft.BY_DRIFT
+
+
+def test_thrusters_in_a_plane_are_flown_beside_wheels_that_never_worked():
+    """A wheel that fails in flight keeps momentum, which no law of two torques models."""
+    wheel = "failure=[{of='wheel 1',at_s=5,kind='dead'}]"
+    worked = build(load("wheels-fail", [*beside(PLANE, "[0,0,1]"), wheel])).loop
+    assert dead(worked, 4, "wheel dead") == TorquesLeft.BY_DRIFT
+    assert dead(worked, 4, "none") == TorquesLeft.THREE_AXES
+    never = build(load("wheels-fail", beside(PLANE, "[0,0,1]", failed="true"))).loop
+    assert dead(never, 1, "none") == TorquesLeft.TWO_TORQUES

@@ -161,7 +161,7 @@ def _others_fly(makers: TorqueMakers, steered: bool) -> bool:
     """
     commands = makers.law.commands_actuators
     if makers.pushes.size:
-        return steered and commands
+        return (steered and commands) or makers.two_wheels_fly
     return steered or bool(makers.wheels and commands)
 
 
@@ -183,7 +183,7 @@ def _thrusters_make_what_the_law_commands(thrusters, law, wheels, *steered):
     torque = makers.pushes
     if _others_fly(makers, any(not one.failed for tables in steered for one in tables)):
         return
-    together = beside and makers.together
+    together = beside and makers.together and not makers.plane_flies
     try:
         if not torque.size:
             raise ValueError("all have failed")

@@ -93,13 +93,27 @@ class TorqueMakers:
         return _all_ways(np.concatenate([unit_columns(self.pushes), axes, -axes], axis=1))
 
     @property
-    def asked_of_thrusters(self) -> tuple[int, bool]:
-        """Number of torques that a law needs of thrusters, and whether two may be in any plane.
+    def two_wheels_fly(self) -> bool:
+        """Whether wheels along two axes fly alone, whatever thrusters are beside them."""
+        rank = np.linalg.matrix_rank(self.axes, tol=MISSING) if self.axes.size else 0
+        return bool(self.law.commands_actuators and rank >= 2)
 
-        A law that commands each actuator flies without wheels by two torques.
+    @property
+    def plane_flies(self) -> bool:
+        """Whether thrusters fly by two torques under a law that commands each actuator.
+
+        They do where nothing makes a third torque and no wheel has momentum; a wheel that works
+        stays idle.
         """
+        still = all(one.momentum_N_m_s == 0 for one in self.wheels)
+        commands = self.law.commands_actuators and not self.two_wheels_fly
+        return commands and still and not self.all_ways
+
+    @property
+    def asked_of_thrusters(self) -> tuple[int, bool]:
+        """Number of torques that a law needs of thrusters, and whether two may be in any plane."""
         law = self.law
-        if law.commands_actuators and not self.wheels and not self.thrusters_make_all:
+        if self.plane_flies:
             return 2, True
         return law.torques or 3, law.any_plane and not self.working_wheels
 

@@ -162,6 +162,7 @@ LEVEL = _some(
     ("[1,0,0]", "[-1,0,0]", "[0,1,0]", "[0,-1,0]"),
     range(4),
 )
+TURNING = "[[wheel]]\ntorque_limit_N_m = 0.005\nmomentum_N_m_s = 0.01\naxis = [1, 0, 0]\n"
 BARE = {
     "a plane": jets(0, 1, 2, 3, 4),
     "a plane and no more": jets(0, 1, 2, 3),
@@ -176,6 +177,13 @@ BARE = {
     "no thruster, a wheel, rods": jets() + wheels(1) + rods(0, 1, 2),
     "a plane, a wheel": jets(0, 1, 2, 3) + wheels(2),
     "a plane, failed rods": jets(0, 1, 2, 3, 4) + rods(),
+    "two wheels, a thruster": jets(4) + wheels(0, 1),
+    "a level plane": LEVEL,
+    "a level plane, failed wheels": LEVEL + wheels(),
+    "a level plane, a wheel in it": LEVEL + wheels(0),
+    "a level plane, a wheel in it, rods": LEVEL + wheels(0) + rods(0, 1, 2),
+    "a level plane, a turning wheel in it": LEVEL + TURNING + "failed = false\n",
+    "a level plane, a failed turning wheel": LEVEL + TURNING + "failed = true\n",
 }
 """Actuators, some of which had failed before the start."""
 
@@ -199,6 +207,30 @@ def test_the_law_of_each_actuator_takes_what_is_left_where_controllability_names
     assert np.isfinite(command).all()
     assert int(law.mode(memory)) in LEFT[judgement.laws].modes
     run.loop.distribution(jnp.zeros(()), start, command, run.loop.plant.effectors)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("beside", [wheels(), wheels(0)])
+def test_thrusters_in_a_plane_fly_as_without_the_wheels_that_stay_idle(beside, tmp_path):
+    """Duties from a tumble, with the rates that they cause."""
+    flights = []
+    for tables in (LEVEL, LEVEL + beside):
+        run = build(load(_file(tmp_path, TOLERANT, INERTIA, tables, MODULATION)))
+        assert isinstance(run.loop, SampledLoop)
+        law, state = run.loop.controller, run.loop.plant.complete(run.start)
+        step, torque = eqx.filter_jit(law.step), law.actuators[0].reconfiguration.torque
+        inverse = law.healthy.model.spacecraft.inverse_inertia
+        state = eqx.tree_at(lambda one: one.omega, state, jnp.array([0.01, -0.008, 0.006]))
+        memory, told = law.init(state), []
+        for sample in range(60):
+            command, memory = step(law.period * jnp.asarray(float(sample)), state, memory)
+            assert np.all(np.asarray(command)[4:] == 0)
+            rate = state.omega + law.period * (inverse @ (torque @ command[:4]))
+            state = eqx.tree_at(lambda one: one.omega, state, rate)
+            told.append([*np.asarray(command)[:4], float(law.mode(memory))])
+        flights.append(np.array(told))
+    np.testing.assert_allclose(*flights, atol=1e-9)
+    assert np.abs(flights[0][:, :4]).max() > 0.1
 
 
 def test_a_plane_that_cannot_be_steered_is_refused_as_under_the_laws_of_two_torques(tmp_path):
