@@ -260,6 +260,43 @@ def test_thrusters_take_momentum_out_of_wheels_that_are_full():
 
 
 @pytest.mark.slow
+def test_unloading_is_that_of_an_integration_by_hand():
+    """Three wheels, one nearly full, of a body at rest: 0.2 of the natural frequency times its
+    momentum, at most half of its torque, until a fifth of its limit is left. Throttled thrusters
+    make it, and the body does not turn."""
+    axes = ("[1,0,0]", "[0,1,0]", "[0,0,1]")
+    limit, most, frequency, period, start = 6.0, 0.05, 0.05, 0.1, 5.4
+    each = f"torque_limit_N_m={most},momentum_limit_N_m_s={limit},momentum_N_m_s="
+    held = zip(axes, (start, 0.0, 0.0), strict=True)
+    rows = ",".join(f"{{axis={axis},{each}{momentum}}}" for axis, momentum in held)
+    ways = (*axes, *(axis.replace("1", "-1") for axis in axes))
+    jets = ",".join(f"{{torque_axis={way},torque_N_m=0.2}}" for way in ways)
+    changes = [
+        f"wheel=[{rows}]",
+        f"thruster=[{jets}]",
+        "modulation={kind='ideal'}",
+        "failure=[]",
+        "initial={quaternion=[1,0,0,0],omega_rad_s=[0,0,0]}",
+        f"control.natural_frequency_rad_s={frequency}",
+        "control.torque_uncertainty=1e-6",
+        f"control.period_s={period}",
+        "simulation.duration_s=240",
+        "simulation.save_every_s=20",
+    ]
+    trajectory = build(load("hybrid-wheels", changes)).simulate()
+    momentum = np.asarray(trajectory.signals.parts["wheel_momentum"])
+    told, now = [start], start
+    for sample in range(2400):
+        if now > 0.2 * limit:
+            now -= period * min(0.2 * frequency * now, 0.5 * most)
+        if (sample + 1) % 200 == 0:
+            told.append(now)
+    np.testing.assert_allclose(momentum[:, 0], told, atol=2e-3)
+    np.testing.assert_allclose(momentum[:, 1:], 0, atol=2e-3)
+    assert told[-1] < 0.2 * limit
+
+
+@pytest.mark.slow
 def test_a_stuck_thruster_and_two_lost_wheels_are_isolated_and_settle():
     lost = [LOST_WHEELS[0], LOST_WHEELS[1], ("wheel C", NEVER, "'dead'")]
     trajectory = flight([*lost, ("thruster 3", 250, STUCK)]).simulate()
