@@ -107,6 +107,25 @@ class RodSet:
             return np.inf
         return float(np.abs(weights[:, None, None] @ torques).max())
 
+    def occupied(
+        self,
+        places: Sequence[int],
+        dipole: Float[np.ndarray, "3"],
+        undriven: Float[np.ndarray, "3 p"],
+    ) -> float:
+        """Return the part of the torque of some rods that a constant `dipole` (A m²) takes.
+
+        It is that of stuck rods, with the body at rest in the orbit frame. Both torques are root
+        mean squares over an orbit about the unit columns `undriven`, about which nothing else
+        makes torque; the largest of all columns and Earth angles counts.
+        """
+        opposed = np.abs(np.cross(dipole, self._fields) @ undriven)
+        made = np.abs(undriven.T @ self.torques(places)).sum(axis=-1)
+        taken, limit = (np.sqrt(np.mean(one**2, axis=1)) for one in (opposed, made))
+        full = np.full_like(taken, np.inf)
+        parts = np.divide(taken, limit, out=full, where=limit > 0)
+        return float(np.max(np.where(taken > 0, parts, 0.0)))
+
     @once_property
     def _fields(self) -> Float[np.ndarray, "turns instants 3"]:
         instants = (np.arange(STEPS) + 0.5) * 2 * np.pi / STEPS / float(self.field.circle.rate)
@@ -171,6 +190,14 @@ def _verdict(
     if margin[0] < LEAST_MARGIN:
         return "borderline", "magnetic" if flown else "none"
     return ("controllable", "magnetic") if flown else ("by drift", "none")
+
+
+def undriven_axes(axes: Float[np.ndarray, "3 k"]) -> Float[np.ndarray, "3 p"]:
+    """Return an orthonormal basis of the directions across the axes of wheels; body axes without
+    wheels."""
+    basis = _basis(axes)
+    rank = basis.shape[1]
+    return np.linalg.svd(basis)[0][:, rank:] if rank else np.eye(3)
 
 
 def _basis(axes: Float[np.ndarray, "3 k"]) -> Float[np.ndarray, "3 p"]:

@@ -42,7 +42,7 @@ _LEFT = {
     TorquesLeft.BY_DRIFT: "controllable in principle, which no law uses",
     TorquesLeft.SOME_ATTITUDES: "two wheels with momentum are left, which hold some attitudes",
     TorquesLeft.TOO_FEW: "too few torques are left: not controllable",
-    TorquesLeft.UNOPPOSED_TORQUE: "nothing opposes the torque of a failed thruster with a margin",
+    TorquesLeft.UNOPPOSED_TORQUE: "nothing opposes the torque of a failed actuator with a margin",
     TorquesLeft.NOT_DECIDED: "controllability of the remaining actuators is not decided",
     TorquesLeft.UNHELD_MOMENTUM: "the others cannot hold the momentum of a runaway wheel",
     TorquesLeft.MAGNETIC: "magnetorquers control all axes over an orbit",

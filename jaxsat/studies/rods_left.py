@@ -1,11 +1,13 @@
 """Contribution of magnetorquers to the remaining control in a case, and whether the law uses it."""
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.controllability.orbit_rest import NORMAL
-from jaxsat.controllability.rods import RodSet
+from jaxsat.controllability.rods import MOST_OPPOSING, RodSet, undriven_axes
 from jaxsat.simulation.loops import AbstractLoop, parts_of
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.effector import Dipoles
@@ -15,6 +17,29 @@ from jaxsat.spacecraft.magnetorquers import MagneticSteering
 TURNED = 0.1
 """Largest momentum of runaways across the orbit normal, relative to the least capacity of a wheel.
 The orbit turns it, and two wheels cannot unload it for a third of an orbit."""
+
+
+class RodsLeft(NamedTuple):
+    """All magnetorquers, None without any.
+
+    In one case or, with a leading axis, in all: the mask of `healthy` ones, and the dipole (A m²)
+    of each that is `stuck`, zero for others.
+    """
+
+    rods: RodSet | None
+    healthy: Bool[np.ndarray, "*cases k"]
+    stuck: Float[np.ndarray, "*cases k"]
+
+    def case(self, number: int) -> "RodsLeft":
+        """Return the magnetorquers in one case."""
+        return RodsLeft(self.rods, self.healthy[number], self.stuck[number])
+
+    def opposes(self, axes: Float[np.ndarray, "3 k"]) -> bool:
+        """Whether healthy ones oppose the torque of stuck ones, beside wheels along these axes."""
+        if self.rods is None or not self.stuck.any():
+            return True
+        dipole, healthy = self.rods.axes @ self.stuck, np.flatnonzero(self.healthy).tolist()
+        return self.rods.occupied(healthy, dipole, undriven_axes(axes)) <= MOST_OPPOSING
 
 
 def rod_set(loop: AbstractLoop, dipoles: Dipoles) -> RodSet:

@@ -2,7 +2,7 @@
 
 import dataclasses
 import enum
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import equinox as eqx
@@ -14,7 +14,7 @@ from jaxsat.compiler.llvm.mapped import compiled_over_cases
 from jaxsat.control.what_is_left import Laws
 from jaxsat.controllability.actuators import actuator_set
 from jaxsat.controllability.layout import TOLERANCE
-from jaxsat.controllability.rods import RodSet, judge_with_rods
+from jaxsat.controllability.rods import judge_with_rods
 from jaxsat.controllability.torque_ranges import judge_ranges, torque_reserve
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation.loops import AbstractLoop
@@ -22,7 +22,13 @@ from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import AbstractEffector, Reach, Storage
 from jaxsat.studies.failure_codes import NEVER, first_code
 from jaxsat.studies.momentum_left import Held
-from jaxsat.studies.rods_left import law_uses_rods, rod_set, sampled_law, wheels_hold_turned
+from jaxsat.studies.rods_left import (
+    RodsLeft,
+    law_uses_rods,
+    rod_set,
+    sampled_law,
+    wheels_hold_turned,
+)
 
 SAME_TORQUE = 1e-9
 """Torque that is treated as zero, relative to the largest torque."""
@@ -128,21 +134,6 @@ class _Exchanger(NamedTuple):
         return _Exchanger(self.storage, *(part[number] for part in self[1:]))
 
 
-class _Rods(NamedTuple):
-    """All magnetorquers, None without any, and the mask of `healthy` ones in every case."""
-
-    rods: RodSet | None
-    healthy: Bool[np.ndarray, "cases k"]
-
-    @staticmethod
-    def of(loop: AbstractLoop, parts: Sequence[tuple[AbstractEffector, _Reaches]]) -> "_Rods":
-        """Return the magnetorquers of a loop, by the reach of its effectors in every case."""
-        for one, reach in parts:
-            if (dipoles := one.dipoles()) is not None:
-                return _Rods(rod_set(loop, dipoles), reach.healthy)
-        return _Rods(None, np.zeros((len(parts[0][1].low), 0), bool))
-
-
 def torques_left(
     loop: AbstractLoop,
     momentum: Float[np.ndarray, "3"],
@@ -163,7 +154,12 @@ def torques_left(
     levels = [_levels(none), *(_levels(each) for one, each in parts if one.even)]
     torques, low, high = (np.concatenate(each, axis=-1) for each in zip(*levels, strict=True))
     exchangers = [each for one in parts if (each := _Exchanger.of(loop, *one)) is not None]
-    rods = _Rods.of(loop, parts)
+    none = np.zeros((len(low), 0))
+    rods = RodsLeft(None, none.astype(bool), none)
+    for one, reach in parts:
+        if (dipoles := one.dipoles()) is not None:
+            stuck = np.where(reach.low == reach.high, reach.high, 0.0)
+            rods = RodsLeft(rod_set(loop, dipoles), reach.healthy, stuck)
     codes_by_key: dict[bytes, tuple[int, np.ndarray | None]] = {}
     codes = np.zeros(len(low), int)
     for case in range(len(low)):
@@ -174,11 +170,11 @@ def torques_left(
         if torque_reserve(*one) > least > 0:
             continue
         here = [each.case(case) for each in exchangers]
-        parts = [part for each in here for part in each[1:]]
-        key = b"".join(part.tobytes() for part in (*one, *parts, rods.healthy[case]))
+        parts, magnetic = [part for each in here for part in each[1:]], rods.case(case)
+        key = b"".join(part.tobytes() for part in (*one, *parts, *magnetic[1:]))
         if key not in codes_by_key:
             held = all(_holds_momentum(loop, each) for each in here)
-            verdict = _judge(loop, momentum, *one, here, rods.rods, rods.healthy[case])
+            verdict = _judge(loop, momentum, *one, here, magnetic)
             codes_by_key[key] = verdict if held else (int(TorquesLeft.UNHELD_MOMENTUM), None)
         code, normal = codes_by_key[key]
         if normal is not None and hold is not None:
@@ -298,8 +294,7 @@ def _judge(
     low: np.ndarray,
     high: np.ndarray,
     here: list[_Exchanger],
-    rods: RodSet | None,
-    left: Bool[np.ndarray, " rods"],
+    magnetic: RodsLeft,
 ) -> tuple[int, np.ndarray | None]:
     """Code, and the normal of two wheels if they alone remain, and no thruster was beside them."""
     inertia = np.asarray(loop.plant.spacecraft.inertia)
@@ -318,11 +313,14 @@ def _judge(
         return TorquesLeft.NOT_DECIDED, None
     if judgement is None:
         return TorquesLeft.UNOPPOSED_TORQUE, None
+    rods, left = magnetic.rods, magnetic.healthy
     if rods is not None:
         judgement = judge_with_rods(judgement, rods, np.flatnonzero(left).tolist(), TOLERANCE)
     if judgement.without_rods is not None and not law_uses_rods(loop, axes, left):
         judgement = judgement.without_rods
     if judgement.laws == "magnetic" and judgement.verdict == "controllable":
+        if not magnetic.opposes(axes):
+            return TorquesLeft.UNOPPOSED_TORQUE, None
         held = _turns_runaways(loop, here)
         return _LEFT[judgement.laws] if held else TorquesLeft.UNHELD_MOMENTUM, None
     if judgement.verdict == "borderline":

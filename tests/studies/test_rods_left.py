@@ -14,8 +14,8 @@ QUICK = {"law": "quaternion-feedback", "natural_frequency_rad_s": 0.01, "period_
 """A law that is quickly made."""
 
 
-def left(name, *cases, law=QUICK, kind="wheel dead"):
-    """Of every case: which devices die, wheels as told and counted before magnetorquers."""
+def left(name, *cases, law=QUICK, kind="wheel dead", rod="dead", amount=np.nan):
+    """Of every case: which devices fail as told, wheels counted before magnetorquers."""
     data = load(name).model_dump(exclude_none=True)
     devices = [(of, one["name"]) for of in ("wheel", "magnetorquer") for one in data.get(of, ())]
     data["failure"] = [
@@ -24,14 +24,14 @@ def left(name, *cases, law=QUICK, kind="wheel dead"):
     ]
     data["control"] = law
     loop = build(Scenario.model_validate(data)).loop
-    codes = [FAILURES.index(kind if of == "wheel" else "dead") for of, _ in devices]
+    codes = [FAILURES.index(kind if of == "wheel" else rod) for of, _ in devices]
     places = np.arange(len(devices))
     dies = np.array([np.isin(places, case) for case in cases])
     struck = {
         "failure_time": np.tile(100.0 * (1 + places), (len(cases), 1)),
         "failed_part": np.tile(places, (len(cases), 1)),
         "failure_kind": np.where(dies, codes, NEVER),
-        "failure_amount": np.full(dies.shape, np.nan),
+        "failure_amount": np.full(dies.shape, amount),
     }
     return [TorquesLeft(int(code)) for code in torques_left(loop, np.zeros(3), struck)]
 
@@ -83,6 +83,22 @@ def test_the_orbit_turns_the_momentum_of_a_runaway():
         TorquesLeft.MAGNETIC,
         TorquesLeft.UNHELD_MOMENTUM,
     ]
+
+
+@pytest.mark.slow
+def test_a_stuck_rod_is_opposed_by_the_others_or_not():
+    """About z, which wheels leave, a dipole along z makes no torque, and one along y, the orbit
+    normal, more than the others, unless it is small. Three wheels oppose any."""
+    law = {"law": "fault-tolerant", "natural_frequency_rad_s": 0.05, "period_s": 0.5}
+    lost_z = (2,)
+    alone = left("cubesat-3w3m", (*lost_z, 4), law=law, rod="stuck on")
+    assert alone == [TorquesLeft.UNOPPOSED_TORQUE]
+    little = left("cubesat-3w3m", (*lost_z, 4), law=law, rod="stuck at", amount=0.02)
+    assert little == [TorquesLeft.MAGNETIC]
+    along = left("cubesat-3w3m", (*lost_z, 5), law=law, rod="stuck on")
+    assert along == [TorquesLeft.MAGNETIC]  # a dipole along z makes no torque about it
+    whole = left("cubesat-3w3m", (4,), law=law, rod="stuck on")
+    assert whole == [TorquesLeft.THREE_AXES]
 
 
 RODS = ", ".join(f"{{axis={axis}, dipole_limit_A_m2=10}}" for axis in np.eye(3).tolist())
