@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from jaxtyping import Float
 
 from jaxsat.core.allocation import unit_columns
 from jaxsat.core.declaration.actuators import STEERED
@@ -108,18 +109,10 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
     time, only the momentum at the start counts; gyros store some themselves.
     """
     makers = TorqueMakers.of(scenario)
-    limits = [one.momentum_limit_N_m_s for one in makers.working_wheels]
-    if (
-        not limits
-        or None in limits
-        or any(getattr(scenario, name) for name in STEERED if name != MAGNETORQUER.name)
-        or not makers.law.regulates_attitude
-    ):
+    limit = _limits_that_count(scenario, makers)
+    if limit is None:
         return
-    relieved = makers.relieved and np.linalg.matrix_rank(makers.axes, tol=PLANE) == 3
-    if not relieved and (makers.relieved or (makers.law.torques and not makers.wheels_make_all)):
-        return  # thrusters share the torque
-    axes, limit = makers.axes, np.array(limits)
+    relieved, axes = _relieved(makers), makers.axes
     times, momenta = _momenta_to_hold(scenario)
     if scenario.magnetorquer:
         times, momenta = times[:1], momenta[:1]
@@ -145,30 +138,91 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
     yield Issue(("wheel",), message + remark)
 
 
+def _limits_that_count(scenario: Scenario, makers: TorqueMakers) -> Float[np.ndarray, " k"] | None:
+    """Momentum limits (N m s) of working wheels; None where others share their momentum, or a wheel
+    has no limit."""
+    limits = [one.momentum_limit_N_m_s for one in makers.working_wheels]
+    if (
+        not limits
+        or None in limits
+        or any(getattr(scenario, name) for name in STEERED if name != MAGNETORQUER.name)
+        or not makers.law.regulates_attitude
+    ):
+        return None
+    thrusters_share = makers.law.torques and not makers.wheels_make_all
+    if not _relieved(makers) and (makers.relieved or thrusters_share):
+        return None
+    return np.array(limits)
+
+
+def _relieved(makers: TorqueMakers) -> bool:
+    return makers.relieved and bool(np.linalg.matrix_rank(makers.axes, tol=PLANE) == 3)
+
+
+def fills_wheels(
+    scenario: Scenario, times: Float[np.ndarray, " n"], given: Float[np.ndarray, "n 3"]
+) -> tuple[float, float] | None:
+    """Time (s) at which the wheels are full, and the largest part of what they hold, of a momentum
+    `given` (N m s, axes of the target) from outside until each of the `times`, beside that of the
+    start.
+
+    Only momentum about axes of wheels counts. None where they are not full, where those of
+    `_momentum_beyond_wheels` are told, or where other actuators take momentum out.
+    """
+    makers = TorqueMakers.of(scenario)
+    limit = _limits_that_count(scenario, makers)
+    taken_out = makers.relieved or scenario.magnetorquer
+    if limit is None or taken_out or any(True for _ in _momentum_beyond_wheels(scenario)):
+        return None
+    directions, sizes, _ = np.linalg.svd(makers.axes)
+    along = directions[:, : int(np.sum(sizes > PLANE))]
+    momenta = (_momentum_of_the_start(scenario, times) + given) @ along @ along.T
+    loads = np.array([_largest_load(makers.axes, -limit, limit, one)[0] for one in momenta])
+    if loads[0] > 1 or loads.max() <= 1 + ROUNDING:
+        return None
+    after = int(np.argmax(loads > 1))
+    part = (1 - loads[after - 1]) / (loads[after] - loads[after - 1])
+    return float(times[after - 1] + part * (times[after] - times[after - 1])), float(loads.max())
+
+
 def _momenta_to_hold(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
     """Times (s) and momenta (N m s) that working wheels must hold then, in body axes along the
     orbit frame, with the impulse of the constant external torque."""
-    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
-    coasting = [one.momentum_N_m_s if one.failed else 0.0 for one in scenario.wheel]
-    wheel_momenta = [one.momentum_N_m_s for one in scenario.wheel]
-    axes, start = wheel_axes(scenario.wheel), scenario.initial
-    whole = inertia @ np.array(start.omega_rad_s) + axes @ wheel_momenta
-    whole = _body_axes(start).T @ whole
     rate, duration = scenario.orbit.rate(), scenario.simulation.duration_s
     torque = np.array(scenario.disturbance.constant_N_m)
     turns = min(math.ceil(rate * duration / (2 * math.pi)), MOST_TURNS)
     moves = bool(rate) or bool(torque.any())
     times = np.linspace(0, duration, 1 + PHASES * max(turns, 1)) if moves else np.zeros(1)
-    momenta = []
+    impulses = []
     for time in times:
         angle = rate * time
-        cos, sin = math.cos(angle), math.sin(angle)
-        # The orbit frame rotates by -ω0 about its second axis, inertial vectors by ω0 in it.
-        inertial_part = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]) @ whole
-        along, across = (sin / rate, (1 - cos) / rate) if rate else (time, 0.0)
-        impulse = np.array([[along, 0, across], [0, time, 0], [-across, 0, along]]) @ torque
-        momenta.append(inertial_part + impulse - inertia @ [0, -rate, 0] - axes @ coasting)
-    return times, np.array(momenta)
+        along, across = (
+            (math.sin(angle) / rate, (1 - math.cos(angle)) / rate) if rate else (time, 0.0)
+        )
+        impulses.append(np.array([[along, 0, across], [0, time, 0], [-across, 0, along]]) @ torque)
+    return times, _momentum_of_the_start(scenario, times) + np.array(impulses)
+
+
+def _momentum_of_the_start(
+    scenario: Scenario, times: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, "n 3"]:
+    """Momentum (N m s) of the start that working wheels must hold at some times (s), in body axes
+    along the orbit frame."""
+    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
+    coasting = [one.momentum_N_m_s if one.failed else 0.0 for one in scenario.wheel]
+    wheel_momenta = [one.momentum_N_m_s for one in scenario.wheel]
+    axes, start, rate = wheel_axes(scenario.wheel), scenario.initial, scenario.orbit.rate()
+    whole = inertia @ np.array(start.omega_rad_s) + axes @ wheel_momenta
+    turned = into_frame(rate * times) @ (_body_axes(start).T @ whole)
+    return turned - inertia @ [0, -rate, 0] - axes @ coasting
+
+
+def into_frame(angles: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3 3"]:
+    """Matrices into the orbit frame after it has rotated by -`angles` (rad) about its second
+    axis."""
+    cos, sin, zero = np.cos(angles), np.sin(angles), np.zeros_like(angles)
+    rows = [[cos, zero, sin], [zero, zero + 1, zero], [-sin, zero, cos]]
+    return np.moveaxis(np.array(rows), -1, 0)
 
 
 def _body_axes(start: InitialTable) -> np.ndarray:

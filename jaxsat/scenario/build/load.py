@@ -38,10 +38,11 @@ def load(
     scenario = read(name_or_path, overrides, law=law, trial=trial, caution=caution)
     if purpose in ("run", "study"):
         from jaxsat.scenario.build.actuator_set import borderline_words
+        from jaxsat.scenario.build.full_wheels import full_wheels_words
 
-        words = borderline_words(scenario)
-        if words is not None:
-            caution(f"{name_or_path}: {words}")
+        for words in (borderline_words(scenario), full_wheels_words(scenario)):
+            if words is not None:
+                caution(f"{name_or_path}: {words}")
     return scenario
 
 

@@ -1,0 +1,57 @@
+"""Whether torques of the environment fill the wheels during a run, told before it."""
+
+import math
+
+import numpy as np
+
+from jaxsat.core.attitude import DCM
+from jaxsat.core.text import number_text
+from jaxsat.scenario.actuator_cautions import fills_wheels, into_frame
+from jaxsat.scenario.build.plant import build_plant, orbit_rate
+from jaxsat.scenario.schema import Scenario
+from jaxsat.spacecraft.environment.disturbances import (
+    ConstantTorque,
+    PeriodicTorque,
+    terms_of,
+)
+
+PHASES, MOST_INSTANTS = 96, 2000
+"""Instants of an orbit, and most of a run, at which torques are evaluated."""
+
+
+def full_wheels_words(scenario: Scenario) -> str | None:
+    """Caution if torques from outside fill the wheels before the end of a run, else None.
+
+    The body is assumed at the target. Nothing is told of wheels that the momentum at the start or a
+    constant torque alone fill, nor where thrusters or magnetorquers take momentum out.
+    """
+    limited = any(one.momentum_limit_N_m_s is not None for one in scenario.wheel)
+    if not limited or scenario.thruster or scenario.magnetorquer:
+        return None
+    plant = build_plant(scenario)
+    terms = terms_of(plant.disturbance)
+    if all(isinstance(term, ConstantTorque | PeriodicTorque) for term in terms):
+        return None
+    from jaxsat.compiler.llvm.mapped import compiled_over_cases  # slow
+
+    rate, duration = orbit_rate(scenario), scenario.simulation.duration_s
+    turns = math.ceil(rate * duration / (2 * math.pi))
+    times = np.linspace(0.0, duration, 1 + min(PHASES * max(turns, 1), MOST_INSTANTS))
+    inertia = np.asarray(plant.spacecraft.inertia)
+
+    def torque(t, inertia):
+        return plant.disturbance(t, DCM(np.eye(3)), inertia)
+
+    torques = np.asarray(compiled_over_cases(torque, times[0], inertia)(times, inertia))
+    frames = into_frame(rate * times)
+    inertial = np.einsum("nij,ni->nj", frames, torques)
+    steps = np.diff(times)[:, None] * (inertial[1:] + inertial[:-1]) / 2
+    given = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+    full = fills_wheels(scenario, times, np.einsum("nij,nj->ni", frames, given))
+    if full is None:
+        return None
+    return (
+        "key wheel: should hold the momentum that torques from outside give a body at the target: "
+        f"{number_text(full[1], 3)} times what they hold by the end; they are full after "
+        f"{number_text(full[0], 4)} s"
+    )
