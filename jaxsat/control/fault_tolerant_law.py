@@ -54,6 +54,7 @@ from jaxsat.core.checks import as_array, as_float
 from jaxsat.core.declaration.law import LawDeclaration
 from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE, OSCILLATORY, PLANNED, THREE_SLEW
 from jaxsat.core.inertia import normal_axes
+from jaxsat.spacecraft.wheels import Wheels
 
 
 def build_oscillatory(values: Mapping[str, Any], context: LawContext) -> OscillatorySettling:
@@ -143,6 +144,10 @@ ALONE_WALK, WALK = 0.02, 1e3
 """Random walk of the momentum between updates, over its noise: without external torques by design,
 and with thrusters, magnetorquers or a turning frame."""
 
+
+EVEN = 1e-9
+"""Difference of the ratios of two wheels' limits that is treated as none, relative to the
+largest."""
 
 Tree = TypeVar("Tree")
 
@@ -289,7 +294,16 @@ def _tolerant_wheels(
         fit=_momentum_fit(values, law),
         known=as_array(np.asarray(context.failed)),
         delay=law.delay,
+        uneven=_uneven(wheels),
     )
+
+
+def _uneven(wheels: Wheels) -> bool:
+    """Whether momentum limits of wheels are not in proportion to their torque limits."""
+    if wheels.momentum_limit is None or not np.all(np.isfinite(wheels.momentum_limit)):
+        return False
+    ratios = np.asarray(wheels.momentum_limit) / np.asarray(wheels.torque_limit)
+    return bool(np.ptp(ratios) > EVEN * ratios.max())
 
 
 def _momentum_fit(values: Mapping[str, Any], law: LawContext) -> MomentumFit:

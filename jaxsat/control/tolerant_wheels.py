@@ -90,7 +90,7 @@ class TolerantWheels(AbstractTolerantActuators):
 
     Two wheels settle all axes by `two_wheels` where no momentum about the third is left; else rates
     are damped, which takes energy out in any case. `known` says which had failed before the start.
-    Commands act `delay` (s) late.
+    Commands act `delay` (s) late. `uneven`: momentum limits are not in proportion to torque limits.
     """
 
     filter: WheelFilter
@@ -98,6 +98,7 @@ class TolerantWheels(AbstractTolerantActuators):
     fit: MomentumFit
     known: Bool[Array, " m"]
     delay: RealScalar = eqx.field(converter=not_negative("delay"))
+    uneven: bool = eqx.field(static=True, default=False)
 
     @property
     def failed_before(self) -> Bool[Array, " m"]:
@@ -107,7 +108,7 @@ class TolerantWheels(AbstractTolerantActuators):
     @property
     def allocation(self) -> WheelAllocation:
         """The allocation of a torque to the wheels in use."""
-        return WheelAllocation(self.filter)
+        return WheelAllocation(self.filter, self.uneven)
 
     @property
     def watch(self) -> WheelFilter:
@@ -188,7 +189,7 @@ class TolerantWheels(AbstractTolerantActuators):
         wheeled, limit = memory.ability, self.filter.wheels.momentum_limit
         if limit is None:
             return jnp.zeros_like(unloads), jnp.zeros(3)
-        each = wheeled.shares @ self._held(sample, wheeled)
+        each = self.allocation.holding(wheeled) @ self._held(sample, wheeled)
         fullest = jnp.max(jnp.abs(each) / limit)
         unloads = fullest > jnp.where(unloads, EMPTY, FULL)
         most = REACTION * wheeled.usable
@@ -204,7 +205,7 @@ class TolerantWheels(AbstractTolerantActuators):
         wheeled, limit = memory.ability, self.filter.wheels.momentum_limit
         if limit is None:
             return super().momentum_price(sample, memory)
-        each = wheeled.shares @ self._held(sample, wheeled)
+        each = self.allocation.holding(wheeled) @ self._held(sample, wheeled)
         needed = jnp.sum(wheeled.working) + wheeled.left <= 3
         return MomentumPrice(wheeled.shares, jnp.where(needed, -DEAR * each / limit, 0.0))
 

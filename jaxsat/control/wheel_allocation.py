@@ -13,7 +13,7 @@ from jaxsat.control.diagnosis.diagnosis import WEAK
 from jaxsat.control.diagnosis.residual import ActuatorCondition
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.control.reconfiguration import Left
-from jaxsat.core.array_types import IntScalar, RealScalar, Vector
+from jaxsat.core.array_types import IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.quotients import SMALLEST, length, root
 from jaxsat.spacecraft.allocation import allocate
 from jaxsat.spacecraft.effector import Reach
@@ -61,10 +61,12 @@ class WheelAllocation(eqx.Module):
 
     Wheels are weighted by their usable torque. If one has too little, others compensate; of an
     infeasible command the largest possible part is produced. With more wheels than axes, momentum
-    without torque on the body is driven to zero.
+    without torque on the body is driven to zero: each wheel then holds what it would of a torque
+    or, where wheels are `uneven`, with the least sum of squares of momentum over limit.
     """
 
     filter: WheelFilter
+    uneven: bool = eqx.field(static=True, default=False)
 
     @property
     def wheels(self) -> Wheels:
@@ -101,13 +103,18 @@ class WheelAllocation(eqx.Module):
             int(Left.THREE_AXES),
             jnp.where(minors > plane * trace, int(Left.PLANE), int(Left.LESS)),
         )
-        # No torque is demanded along a plane's normal; a term there makes gram invertible. With
-        # wheels along one axis, gram is trace times the projector onto it.
-        filled = gram + jnp.where(left == Left.PLANE, trace, 0.0) * jnp.outer(normal, normal)
-        filled = jnp.where(left == Left.LESS, (trace + SMALLEST) * jnp.eye(3), filled)
-        cofactors = adjugate(filled)
-        inverse = cofactors / (jnp.sum(filled[0] * cofactors[0]) + SMALLEST)
+        inverse = _inverse(gram, trace, left, normal)
         return Wheeled(usable, left, normal, (weight[None] * axes).T @ inverse)
+
+    def holding(self, wheeled: Wheeled) -> Float[Array, "m 3"]:
+        """Return the share of each wheel (m, 3) in a momentum that the used wheels hold."""
+        limit, axes = self.wheels.momentum_limit, self.wheels.axes
+        if limit is None or not self.uneven:
+            return wheeled.shares
+        weight = jnp.where(wheeled.working, (limit / jnp.max(limit)) ** 2, 0.0)
+        columns = weight[None] * axes
+        gram = columns @ axes.T
+        return columns.T @ _inverse(gram, jnp.trace(gram), wheeled.left, wheeled.normal)
 
     def shared(self, wheeled: Wheeled, torque: Vector) -> OfEach:
         """Torque of each wheel on the body (N m) for a `torque` (N m), or its part in a plane."""
@@ -124,7 +131,7 @@ class WheelAllocation(eqx.Module):
         far as the command leaves room.
         """
         held = jnp.where(wheeled.working, momentum, 0.0)
-        idle = held - wheeled.shares @ (self.wheels.axes @ held)
+        idle = held - self.holding(wheeled) @ (self.wheels.axes @ held)
         idle = jnp.where(wheeled.left == Left.THREE_AXES, unloading * idle, 0.0)
         return nearest + idle * within(wheeled.usable, nearest, idle)
 
@@ -162,11 +169,26 @@ class WheelAllocation(eqx.Module):
         limit = self.wheels.momentum_limit
         if limit is None:
             return None
-        sizes = root(jnp.sum(wheeled.shares**2, axis=1))
+        sizes = root(jnp.sum(self.holding(wheeled) ** 2, axis=1))
         held = jnp.where(sizes > 0, limit / jnp.where(sizes > 0, sizes, 1.0), jnp.inf)
         most = jnp.min(held)
         free = MOST_MOMENTUM * most - length(stored)
+        if self.uneven:
+            room = MOST_MOMENTUM * limit - jnp.abs(self.holding(wheeled) @ stored)
+            free = jnp.min(jnp.where(sizes > 0, room / jnp.where(sizes > 0, sizes, 1.0), jnp.inf))
         return jnp.maximum(free, LEAST_MOMENTUM * most)
+
+
+def _inverse(gram: Matrix, trace: RealScalar, left: IntScalar, normal: Vector) -> Matrix:
+    """Return the inverse of a weighted `gram` of axes, with its `trace`, for shares of wheels.
+
+    No torque is demanded along a plane's normal; a term there makes gram invertible. With wheels
+    along one axis, gram is trace times the projector onto it.
+    """
+    filled = gram + jnp.where(left == Left.PLANE, trace, 0.0) * jnp.outer(normal, normal)
+    filled = jnp.where(left == Left.LESS, (trace + SMALLEST) * jnp.eye(3), filled)
+    cofactors = adjugate(filled)
+    return cofactors / (jnp.sum(filled[0] * cofactors[0]) + SMALLEST)
 
 
 def within(usable: OfEach, torque: OfEach, more: OfEach) -> RealScalar:

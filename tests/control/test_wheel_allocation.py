@@ -17,9 +17,9 @@ from jaxsat.spacecraft.wheels import Wheels
 PYRAMID = np.array([[1, 0, -1, 0], [0, 1, 0, -1], [1, 1, 1, 1]]) / np.sqrt(2)
 
 
-def allocation(axes=PYRAMID, full=0.4, most=20.0, **options):
+def allocation(axes=PYRAMID, full=0.4, most=20.0, uneven=False, **options):
     wheels = Wheels(axes, full, most, **options)
-    return WheelAllocation(WheelFilter(wheels, np.full(wheels.count, 1e-3)))
+    return WheelAllocation(WheelFilter(wheels, np.full(wheels.count, 1e-3)), uneven)
 
 
 def condition(count, failed=(), part=None, flow=None):
@@ -145,6 +145,32 @@ def test_the_momentum_of_a_slew_fits_into_the_wheels_in_every_direction():
     assert stored == pytest.approx(most - 3.0)
     full = float(made.largest_momentum(found, jnp.array([300.0, 0.0, 0.0])))
     assert full == pytest.approx(LEAST_MOMENTUM / MOST_MOMENTUM * most)
+
+
+@pytest.mark.parametrize("failed", [(), (1,)])
+def test_wheels_of_unequal_momentum_hold_it_in_proportion_to_what_they_can(failed):
+    """The least sum of squares of momentum over limit, by a pseudo-inverse; and slews within it."""
+    limit, rng = np.array([40.0, 20.0, 10.0, 5.0]), np.random.default_rng(7)
+    made, stored = allocation(most=limit, uneven=True), np.array([2.0, -1.5, 1.0])
+    found = find(made, condition(4, failed), jnp.zeros(4))
+    working = np.where(np.isin(np.arange(4), failed), 0.0, limit)
+    expected = working[:, None] * np.linalg.pinv(PYRAMID * working)
+    np.testing.assert_allclose(made.holding(found), expected, atol=1e-12)
+    if not failed:  # balanced momenta stay, and others are driven there without any torque
+        held = jnp.asarray(expected @ stored)
+        none = jnp.zeros(3)
+        np.testing.assert_allclose(torques(made, found, none, held, jnp.array(0.01)), 0, atol=1e-12)
+        more = held + jnp.asarray(null_space(PYRAMID)[:, 0])
+        back = np.asarray(torques(made, found, none, more, jnp.array(0.01)))
+        np.testing.assert_allclose(PYRAMID @ back, 0, atol=1e-12)
+        assert back @ np.asarray(more - held) > 0
+    most = float(made.largest_momentum(found, jnp.asarray(stored)))
+    ways = rng.normal(size=(20000, 3))
+    ways *= most / np.linalg.norm(ways, axis=1)[:, None]
+    peaks = (np.abs((ways + stored) @ expected.T) / limit).max()
+    alone = np.abs(expected @ stored / limit).max()
+    assert alone < peaks <= MOST_MOMENTUM + 1e-9
+    assert peaks > MOST_MOMENTUM - 0.01
 
 
 def test_the_loop_has_no_factorisation():
