@@ -46,10 +46,9 @@ def sat(
         return jnp.where(outside, jnp.where(x < 0, -bound, bound), x)
     span = width * bound
     straight = bound - span
-    size = jnp.abs(x)
-    excess = jnp.maximum(size - straight, 0)
-    rounded = span * jnp.tanh(excess * reciprocal(jnp.where(span > 0, span, 1.0)))
-    return jnp.sign(x) * (jnp.minimum(size, straight) + rounded)
+    inside = jnp.where(jnp.abs(x) <= straight, x, jnp.where(x < 0, -straight, straight))
+    excess = x - inside
+    return inside + span * jnp.tanh(excess * reciprocal(jnp.where(span > 0, span, 1.0)))
 
 
 def root_abs(x: RealScalar, width: Width = None, positive: BoolScalar | None = None) -> RealScalar:

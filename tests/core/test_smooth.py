@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jaxsat.core.smooth import (
     as_width,
@@ -13,6 +14,8 @@ from jaxsat.core.smooth import (
     signed_root,
     without_slope,
 )
+
+STEPS = 1e-5, -1e-5
 
 
 def test_a_width_of_zero_is_the_corner_itself():
@@ -31,6 +34,29 @@ def test_functions_with_corners_stay_on_their_side():
         side = None if positive is None else jnp.array(positive)
         found = [f(v, None, side) for v in (four, -four) for f in (root_abs, signed_root)]
         np.testing.assert_array_equal(found, roots)
+
+
+@pytest.mark.parametrize("width", [0.25, 1.0])
+def test_a_rounded_corner_has_the_values_of_its_formula_and_their_slopes(width):
+    """On both sides of the corner, and at zero, where the slope is one."""
+    x, bound = np.array([-3.0, -1.1, -0.4, 0.0, 0.3, 1.6, 40.0]), 1.5
+
+    def formula(x, bound, width):
+        size, straight = np.abs(x), (1 - width) * bound
+        beyond = np.maximum(size - straight, 0)
+        rounded = np.minimum(size, straight) + width * bound * np.tanh(beyond / (width * bound))
+        return np.copysign(rounded, x)
+
+    point = x, bound, width
+    np.testing.assert_allclose(sat(*map(jnp.asarray, point)), formula(*point), rtol=1e-14)
+    for place in range(3):
+        step = np.arange(3) == place
+        ahead, behind = ([v + way * s for v, s in zip(point, step, strict=True)] for way in STEPS)
+        differences = (formula(*ahead) - formula(*behind)) / (STEPS[0] - STEPS[1])
+        tangents = [jnp.full_like(jnp.asarray(v), s) for v, s in zip(point, step, strict=True)]
+        slopes = jax.jvp(sat, tuple(map(jnp.asarray, point)), tuple(tangents))[1]
+        np.testing.assert_allclose(slopes, differences, atol=2e-10)
+    assert jax.grad(sat)(*map(jnp.asarray, (0.0, bound, width))) == 1
 
 
 def test_a_number_without_slope_is_the_number():
