@@ -146,3 +146,14 @@ def test_extrema_are_one_instruction_and_a_look_for_nan():
     np.testing.assert_array_equal(found, expected)
     whole = ~np.isnan(expected)
     np.testing.assert_array_equal(np.signbit(found[whole]), np.signbit(expected[whole]))
+
+
+def test_a_short_function_is_called_in_code_of_one_lane_and_written_out_in_that_of_vectors():
+    """With the same bits: which products are fused does not depend on it."""
+    one, several = (Mapped(lambda x, shared: x * jnp.tanh(x) + 0.1, 0.0, lanes=n) for n in (1, 8))
+    calls = [
+        [line for line in mapped.assembly().splitlines() if "call" in line and "tanh" in line]
+        for mapped in (one, several)
+    ]
+    assert list(map(len, calls)) == [1, 0]
+    np.testing.assert_array_equal(one(CASES), several(CASES))

@@ -37,6 +37,13 @@ RANGE = {"min": 4, "max": 5}
 RANGE_LANES = 8
 """Number of doubles in an AVX-512 register."""
 
+SHORT = 64
+"""Largest number of lines of an internal function that LLVM writes out at its calls.
+
+A call stores all vectors that are in registers. Code of one lane, which has few, keeps its calls,
+for it is compiled sooner.
+"""
+
 
 def internal(module: Module, function: ir.Function, known: Known) -> tuple[str, bool]:
     """Return the name of an internal function, printed once, and whether it needs the arena.
@@ -69,8 +76,10 @@ def _printed(module: Module, name: str, function: ir.Function, known: Known) -> 
     if body.in_arena:
         params.append("ptr noalias %arena")
     returned = result_type(function.results, module.lanes)
-    head = f"define internal {returned} {name}({', '.join(params)}) #0 {{"
-    return "\n".join([head, *body.text(), "}"]), body.in_arena
+    lines = body.text()
+    short = " alwaysinline" * (module.lanes > 1 and len(lines) <= SHORT)
+    head = f"define internal {returned} {name}({', '.join(params)}){short} #0 {{"
+    return "\n".join([head, *lines, "}"]), body.in_arena
 
 
 def result_type(results: Sequence[ir.Scalar], lanes: int) -> str:

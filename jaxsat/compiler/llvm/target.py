@@ -17,11 +17,12 @@ from jaxsat.core.once import once
 LLVMLITE = find_spec("llvmlite") is not None
 """Whether machine code can be made on this installation."""
 
-PASSES = ("instruction_combine",)
+PASSES = ("always_inliner", "instruction_combine")
 """Passes of LLVM over a module, by llvmlite's names; part of the cache's key.
 
-Programs have neither dead code nor repeated operations. LLVM's pipelines O1 and O2 take as long as
-its generation of machine code, which is no quicker for it.
+The first writes out short functions (`function_emitter.SHORT`). Programs have neither dead code
+nor repeated operations. LLVM's pipelines O1 and O2 take as long as its generation of machine code,
+which is no quicker for it.
 """
 
 _libraries = count()
