@@ -32,6 +32,7 @@ from jaxsat.report import facts
 from jaxsat.scenario import control, plugins, wording
 from jaxsat.scenario.optimisers import OptimiserSettings
 from jaxsat.scenario.parts import named
+from jaxsat.simulation.engine import runge_kutta
 from jaxsat.simulation.engine.native import kept
 from jaxsat.spacecraft.environment.orbit import CircularOrbit, DipoleField
 from jaxsat.store.provenance import _processor, _versions
@@ -67,6 +68,7 @@ FUNCTIONS = [
     (statistics._order_statistics, lambda: (100, 95.0)),
     (guesses.random_numbers, lambda: (4,)),
     (periodic_gain._gains, lambda: (design_of_rods(),)),
+    (runge_kutta._named_tableau, lambda: ("heun",)),
     (descent._transformation, lambda: (OptimiserSettings(), 10)),
     (lie._monomials, lambda: (2,)),
     (naming._statements, lambda: (__file__,)),

@@ -21,7 +21,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar
 from jaxsat.core.checks import positive, require_counts
-from jaxsat.core.solvers import NamedSolver, Solver, class_name, solver_of
+from jaxsat.core.solvers import NamedSolver, Solver, class_name
 from jaxsat.simulation.assessment import stop_gradient
 from jaxsat.simulation.engine.dense_output import require_dense_output
 from jaxsat.simulation.engine.details import details_of, with_details
@@ -254,7 +254,7 @@ def _attempt_step(stepper: AdaptiveStepper, ode: FlatODE, active, progress: Prog
     following = _accept_step(tolerance, ode, progress, candidate, active, accepted, norm)
     # no growth after an event: a sliding law would diverge
     largest = jnp.where(fraction < 1, 1.0, MAX_FACTOR)
-    factor = jnp.minimum(_step_factor(norm, solver_of(solver).order(None)), largest)
+    factor = jnp.minimum(_step_factor(norm, tableau.order), largest)
     proposal = jnp.maximum(step * stop_gradient(factor), tolerance.min_step)
     return following._replace(step=jnp.where(active, proposal, step))
 

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.core.array_types import RealScalar
-from jaxsat.core.solvers import Solver, class_name, known_class, solver_of
+from jaxsat.core.solvers import Solver, class_name, known_class
 from jaxsat.simulation.engine.root_finding import polynomial
-from jaxsat.simulation.engine.runge_kutta import weighted
+from jaxsat.simulation.engine.runge_kutta import tableau_of, weighted
 
 
 class AbstractDenseOutput(eqx.Module):
@@ -121,14 +121,13 @@ def dense_output(solver: Solver) -> AbstractDenseOutput:
 
     The last stage of all three is at the end of the step, in the state there.
     """
-    name, own = known_class(solver), solver_of(solver).interpolation_cls
+    name = known_class(solver)
     if name == "Tsit5":
         return Quartic(_tsit5_middle())
-    # (classes, typed as functions)
+    weights = np.asarray(tableau_of(solver).dense)
     if name == "Dopri5":
-        return Quartic(tuple(getattr(own, "c_mid").tolist()))  # noqa: B009
-    falling = np.asarray(getattr(own, "eval_coeffs"))  # noqa: B009
-    return Sextic(tuple(map(tuple, falling.T[::-1].tolist())))
+        return Quartic(tuple(weights.tolist()))
+    return Sextic(tuple(map(tuple, weights.T[::-1].tolist())))  # from falling powers
 
 
 def _tsit5_middle() -> tuple[float, ...]:

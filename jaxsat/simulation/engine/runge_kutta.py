@@ -14,22 +14,29 @@ from jaxtyping import Array, Float, PyTree
 
 from jaxsat.core.array_types import RealScalar
 from jaxsat.core.jax_internals import jaxpr_as_fun
-from jaxsat.core.solvers import NamedSolver, Solver, class_name, known_class, solver_of
+from jaxsat.core.once import once
+from jaxsat.core.package_files import data_of
+from jaxsat.core.solvers import NamedSolver, Solver, class_name, known_class
 from jaxsat.simulation.assessment import IntegrationError, stop_gradient
 from jaxsat.simulation.engine.program import Program
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
 class Tableau(NamedTuple):
-    """Butcher tableau: stage coefficients, nodes, and weights of solution and error."""
+    """Butcher tableau: stage coefficients, nodes, weights of solution and error, and the order.
+
+    `dense` are the coefficients of the dense output as diffrax has them, for Dopri5 and Dopri8.
+    """
 
     a_lower: tuple[np.ndarray, ...]
     c: np.ndarray
     b_sol: np.ndarray
     b_error: np.ndarray
+    order: int
+    dense: np.ndarray | None = None
 
 
-EULER = Tableau((), np.zeros(0), np.ones(1), np.zeros(1))
+EULER = Tableau((), np.zeros(0), np.ones(1), np.zeros(1), 1)
 """Tableau of Euler's method, for which diffrax has none."""
 
 
@@ -43,14 +50,28 @@ def tableau_of(solver: Solver) -> Tableau:
     """The solver's tableau; raises `ValueError` for a solver that is not explicit Runge-Kutta."""
     if known_class(solver) == "Euler":
         return EULER
-    own = getattr(solver_of(solver), "tableau", None)
+    if isinstance(solver, NamedSolver):
+        return _named_tableau(solver.name)
+    own = getattr(solver, "tableau", None)
     if getattr(own, "implicit", True):
         raise ValueError(
             "Argument `solver` must be an explicit Runge-Kutta solver of diffrax, "
             f"but got {class_name(solver)}."
         )
+    order, interpolation = solver.order(None), solver.interpolation_cls
     assert own is not None
-    return Tableau(own.a_lower, own.c, own.b_sol, own.b_error)
+    assert order is not None
+    dense = getattr(interpolation, "c_mid", getattr(interpolation, "eval_coeffs", None))
+    return Tableau(own.a_lower, own.c, own.b_sol, own.b_error, order, dense)
+
+
+@once
+def _named_tableau(name: str) -> Tableau:
+    """The tableau of diffrax's solver of a name, without importing diffrax."""
+    table = data_of("jaxsat.simulation.engine", "tableaus.toml")[name]
+    rows = tuple(map(np.array, table.pop("a_lower")))
+    order = table.pop("order")
+    return Tableau(rows, order=order, **{key: np.array(value) for key, value in table.items()})
 
 
 def explicit_step(
@@ -67,7 +88,7 @@ def explicit_step(
     """
     # `jax.jit(inline=True)` would lose the operations' places in the source. JAX cannot hash a rate
     # that is a loop.
-    once = jaxpr_as_fun(jax.make_jaxpr(lambda t, state: rate(t, state))(t + 0.0 * step, state))
+    traced = jaxpr_as_fun(jax.make_jaxpr(lambda t, state: rate(t, state))(t + 0.0 * step, state))
     flat, restore = ravel_pytree(state)
     rows = [np.zeros(0), *tableau.a_lower]
     nodes = [0.0, *tableau.c]
@@ -75,7 +96,7 @@ def explicit_step(
     for stage in sorted(_needed_stages(tableau)):
         stage_state = restore(_combine(flat, step, rows[stage], rates))
         arguments = jax.tree.leaves((t + nodes[stage] * step, stage_state))
-        rates[stage] = ravel_pytree(once(*arguments))[0]
+        rates[stage] = ravel_pytree(traced(*arguments))[0]
     return restore(_combine(flat, step, tableau.b_sol, rates))
 
 
