@@ -4,7 +4,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from jaxsat.cli.computing import dask_unseen, interruptibly, use_double_precision
+from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_vehicle
 from jaxsat.cli.options import Flag, Overrides, Results, number, whole
 from jaxsat.cli.places import try_folder
@@ -61,7 +61,7 @@ def controllability(
     )
     if out is not None:
         show_progress("drawing maps")
-        with dask_unseen(), output_folder() as folder:
+        with output_folder() as folder:
             interruptibly(lambda: study.write(folder))
     if not results.quiet:
         print_document(study.document(failures))

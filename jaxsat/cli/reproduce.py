@@ -58,7 +58,7 @@ def _simulate_all(quiet: bool) -> "dict[str, xr.Dataset]":
             print_stderr(f"[{number}/{len(RUNS)}] {run.purpose}", "")
         show_progress(f"simulating {name}, run {number} of {len(RUNS)}")
         scenario = load_scenario(run.scenario, run.overrides)
-        dataset = interruptibly(lambda scenario=scenario: simulated(scenario))
+        dataset = interruptibly(lambda scenario=scenario: simulated(scenario)).dataset()
         datasets[name] = dataset.assign_attrs(title=run.purpose)
     return datasets
 

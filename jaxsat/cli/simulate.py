@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jaxsat.cli.computing import dask_unseen, interruptibly
+from jaxsat.cli.computing import interruptibly
 from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import Overrides, Results
 from jaxsat.cli.progress import show_progress
@@ -22,11 +22,11 @@ from jaxsat.cli.terminal import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import xarray as xr
     from matplotlib.figure import Figure
 
     from jaxsat.scenario import Scenario
     from jaxsat.store.folder import OutputFolder
+    from jaxsat.store.labelled import LabelledArrays
 
 ADVICE = {
     "STATE_LIMIT": 'check gains and initial state, and use simulation.attitude = "quaternion" '
@@ -54,7 +54,7 @@ def simulate(scenario: str, /, *, overrides: Overrides = (), results: Results = 
     from jaxsat.store.folder import OutputFolder
 
     output_folder = OutputFolder(target, kind="run", overwrite=results.overwrite)
-    with dask_unseen(), output_folder as folder:
+    with output_folder as folder:
         show_progress(f"simulating {scenario}")
         remarks: list[str] = []
         begin = time.perf_counter()
@@ -84,19 +84,19 @@ def simulate(scenario: str, /, *, overrides: Overrides = (), results: Results = 
 
 def _simulated(
     scenario: "Scenario", tell: "Callable[[str], None]"
-) -> tuple["Scenario", "xr.Dataset"]:
-    from jaxsat.scenario.build.datasets import simulated_finely  # imports xarray
+) -> tuple["Scenario", "LabelledArrays"]:
+    from jaxsat.scenario.build.datasets import simulated_finely
 
     return simulated_finely(scenario, tell)
 
 
-def _write(folder: "OutputFolder", scenario: "Scenario", dataset: "xr.Dataset") -> None:
+def _write(folder: "OutputFolder", scenario: "Scenario", dataset: "LabelledArrays") -> None:
     record = json.dumps(_record(scenario, dataset), indent=2, ensure_ascii=False)
     folder.write("run.json", record + "\n")
     write_trajectory(folder, dataset)
 
 
-def write_trajectory(folder: "OutputFolder", dataset: "xr.Dataset") -> None:
+def write_trajectory(folder: "OutputFolder", dataset: "LabelledArrays") -> None:
     """Write the scenario of a trajectory, the trajectory and its figures."""
     from jaxsat.report.saving import save_figures
     from jaxsat.store.netcdf import dataset_bytes
@@ -111,7 +111,7 @@ def write_trajectory(folder: "OutputFolder", dataset: "xr.Dataset") -> None:
     save_figures(figures, folder.write)
 
 
-def _record(scenario: "Scenario", dataset: "xr.Dataset") -> dict[str, Any]:
+def _record(scenario: "Scenario", dataset: "LabelledArrays") -> dict[str, Any]:
     from jaxsat.store.provenance import command_line, provenance
 
     return {
@@ -123,7 +123,7 @@ def _record(scenario: "Scenario", dataset: "xr.Dataset") -> dict[str, Any]:
     }
 
 
-def failure_advice(dataset: "xr.Dataset") -> str:
+def failure_advice(dataset: "LabelledArrays") -> str:
     """Return the outcome of a run that ended early, and advice."""
     import numpy as np
 

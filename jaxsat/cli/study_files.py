@@ -4,14 +4,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jaxsat.cli.computing import dask_unseen, interruptibly
+from jaxsat.cli.computing import interruptibly
 from jaxsat.cli.terminal import UserMistake, print_stdout
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from jaxsat.scenario import Scenario
     from jaxsat.store.folder import OutputFolder
+    from jaxsat.store.labelled import LabelledArrays
     from jaxsat.studies.ensemble import Study
     from jaxsat.studies.summary import Summary
 
@@ -61,7 +60,7 @@ def write_one_case(
     from jaxsat.store.folder import OutputFolder
 
     try:
-        with dask_unseen(), OutputFolder(target, kind="run", overwrite=overwrite) as folder:
+        with OutputFolder(target, kind="run", overwrite=overwrite) as folder:
             dataset, draws = interruptibly(lambda: replayed(scenario, study, number), brief=True)
             write_trajectory(folder, dataset)
     except ValueError as error:
@@ -75,12 +74,12 @@ def write_one_case(
 
 def replayed(
     scenario: "Scenario", study: "Study", number: int
-) -> tuple["xr.Dataset", Sequence[str]]:
+) -> tuple["LabelledArrays", Sequence[str]]:
     """Return the trajectory of one case as a dataset, and the values drawn for it as lines."""
     from jaxsat.core.declaration.quantities import DISPERSIBLE
-    from jaxsat.scenario.build.datasets import replay_case
+    from jaxsat.scenario.build.datasets import replayed_case
 
-    dataset = replay_case(scenario, study, number)
+    dataset = replayed_case(scenario, study, number)
     lines = []
     for key, values in dataset.attrs.items():
         if not key.startswith("drawn_"):

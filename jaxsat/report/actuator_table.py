@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from jaxsat.core.declaration.actuator import Signal
 from jaxsat.core.declaration.actuators import ACTUATORS
@@ -13,12 +12,13 @@ from jaxsat.report.document import Cell, Shown, Table
 from jaxsat.report.run_plots import part_labels, shown_unit
 from jaxsat.report.saturation import MARKS, STORE, first_time
 from jaxsat.report.shares import shares_of
+from jaxsat.store.labelled import Dataset
 
 FATE = "failure"
 """Heading of the last column."""
 
 
-def share_sentence(dataset: xr.Dataset) -> Iterator[str]:
+def share_sentence(dataset: Dataset) -> Iterator[str]:
     """Yield a sentence on each kind's share of ∫|T| dt, with the propellant; none for one kind."""
     shares = shares_of(dataset)
     if shares is None:
@@ -31,13 +31,18 @@ def share_sentence(dataset: xr.Dataset) -> Iterator[str]:
     if not whole > 0:
         return
     texts = [f"{100 * one / whole:.3g} % by {name}" for name, one in impulses.items()]
-    used = float(dataset["propellant"].max()) if "propellant" in dataset else 0.0
+    used = used_propellant(dataset)
     fuel = f", with {number_text(used, 3)} kg of propellant" if used > 0 else ""
     yield f"Torque over the run: {', '.join(texts)}{fuel}."
 
 
+def used_propellant(dataset: Dataset) -> float:
+    """Return the propellant used in a run, kg; 0 without thrusters that use any."""
+    return float(np.nanmax(dataset["propellant"].values)) if "propellant" in dataset else 0.0
+
+
 def actuator_tables(
-    dataset: xr.Dataset, scenario: Mapping[str, Any], failures: Sequence[tuple[float, str]]
+    dataset: Dataset, scenario: Mapping[str, Any], failures: Sequence[tuple[float, str]]
 ) -> Iterator[Table]:
     """Yield the table of what each device did and how it failed, if signals of devices exist.
 
@@ -46,7 +51,7 @@ def actuator_tables(
     rows: list[dict[str, Cell]] = []
     for kind in ACTUATORS:
         signals = [one for one in kind.signals if one.each and one.name in dataset]
-        labels = part_labels(dataset[signals[0].name]) if signals else []
+        labels = part_labels(dataset, signals[0].name) if signals else []
         tables = {
             str(table.get("name", number)): table
             for number, table in enumerate(scenario.get(kind.name, ()), 1)
@@ -67,7 +72,7 @@ def actuator_tables(
 
 
 def _numbers(
-    dataset: xr.Dataset, signal: Signal, noun: str, place: int, table: Mapping[str, Any]
+    dataset: Dataset, signal: Signal, noun: str, place: int, table: Mapping[str, Any]
 ) -> dict[str, Cell]:
     """Return the cells of one device's signal by heading: start, end, peak, seconds, or count."""
     values, time = dataset[signal.name].values[:, place], dataset["time"].values

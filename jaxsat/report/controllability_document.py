@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -23,10 +23,8 @@ from jaxsat.controllability.wording import (
 )
 from jaxsat.core.text import clean, number_text
 from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
+from jaxsat.store.labelled import LabelledArray, LabelledArrays
 from jaxsat.store.provenance import provenance_attributes
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 COLUMNS = {
     "failed": "failed",
@@ -259,13 +257,11 @@ def failure_dataset(
     scenario: str,
     verdict: str,
     findings: Sequence[str],
-) -> "xr.Dataset":
+) -> LabelledArrays:
     """Return every failure case with rank, margin and loss; the judgement is in the attributes.
 
     `verdict` is a sentence, `findings` are sentences of the document, a line each in an attribute.
     """
-    import xarray as xr  # takes its time, and the document has no use for it
-
     names = cases[0].working  # the first case has no failure
     arrays = failure_arrays(cases, names)
     meaning = {
@@ -288,11 +284,11 @@ def failure_dataset(
     units = {"margin": "1", "turn_time": "s"}
     variables = {}
     for name, values in arrays.items():
-        dimensions = ("case", "actuator")[: values.ndim]
+        dimensions = ("case", "actuator")[: np.ndim(values)]
         attributes = {"long_name": meaning[name]}
         if name in units:
             attributes["units"] = units[name]
-        variables[name] = (dimensions, values, attributes)
+        variables[name] = LabelledArray(dimensions, np.asarray(values), attributes)
     attributes = {
         "title": clean(title),
         "scenario": scenario,
@@ -303,4 +299,5 @@ def failure_dataset(
         "turn_time_s": judgement.turn_time,
         **provenance_attributes(),
     }
-    return xr.Dataset(variables, {"actuator": list(names)}, attributes)
+    actuators = {"actuator": LabelledArray(("actuator",), np.array(names))}
+    return LabelledArrays(variables, actuators, attributes)

@@ -3,7 +3,7 @@
 import hashlib
 import tomllib
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from jaxsat.core.declaration.actuators import PARTS
 from jaxsat.core.once import latest
@@ -12,12 +12,10 @@ from jaxsat.core.tolerances import Tolerances
 from jaxsat.report.document import Facts
 from jaxsat.scenario.control import known_law
 from jaxsat.scenario.parts.orbit import OrbitTable
-
-if TYPE_CHECKING:  # studies are told without it
-    import xarray as xr
+from jaxsat.store.labelled import Dataset
 
 
-def scenario_tables(dataset: "xr.Dataset") -> dict[str, Any]:
+def scenario_tables(dataset: Dataset) -> dict[str, Any]:
     """Return the tables of a dataset's scenario, not to be changed; empty where it has none."""
     return _tables(str(dataset.attrs.get("scenario", "")))
 

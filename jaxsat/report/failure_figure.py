@@ -1,7 +1,6 @@
 """Figure of a failure in flight: pointing error with phases, and the tests that detect it."""
 
 import numpy as np
-import xarray as xr
 from matplotlib.figure import Figure
 
 from jaxsat.report.facts import scenario_tables
@@ -18,12 +17,13 @@ from jaxsat.report.timeline import (
     subject_title,
     verdicts,
 )
+from jaxsat.store.labelled import Dataset
 
 IN_SERVICE = ("degraded", "friction up")
 """Failures of wheels that stay in use."""
 
 
-def failure_figure(dataset: xr.Dataset, *, title: str = "") -> Figure | None:
+def failure_figure(dataset: Dataset, *, title: str = "") -> Figure | None:
     """Plot total pointing error over the phases of a run with failures, and each CUSUM.
 
     Below them are the momenta of diagnosed wheels. None where nothing fails, or the law does not
@@ -45,18 +45,18 @@ def failure_figure(dataset: xr.Dataset, *, title: str = "") -> Figure | None:
     return paint(plots, heading, 1.9, Timeline(time, marks, phases(dataset)))
 
 
-def _failures(dataset: xr.Dataset) -> list[tuple[float, str]]:
+def _failures(dataset: Dataset) -> list[tuple[float, str]]:
     return failures_of(scenario_tables(dataset), dataset["time"].values)
 
 
-def phases(dataset: xr.Dataset) -> dict[str, np.ndarray]:
+def phases(dataset: Dataset) -> dict[str, np.ndarray]:
     """Return which samples (n,) of a run with failures are in each phase after the first failure.
 
     Before it all actuators work. Phases of the same name are one.
     """
     time = dataset["time"].values
     strikes = [at for at, _ in _failures(dataset)]
-    settled = float(dataset["settled_from"]) if "settled_from" in dataset else np.inf
+    settled = float(dataset["settled_from"].values) if "settled_from" in dataset else np.inf
     instants: list[tuple[float, str]] = []
     for strike, following in zip(strikes, [*strikes[1:], np.inf], strict=True):
         instants.append((strike, "failed, not known"))
@@ -72,19 +72,20 @@ def phases(dataset: xr.Dataset) -> dict[str, np.ndarray]:
     return {name: names == name for _, name in instants}
 
 
-def _remaining_wheels(dataset: xr.Dataset, at: float) -> str:
+def _remaining_wheels(dataset: Dataset, at: float) -> str:
     """Describe what is left at a time (s): number of diagnosed wheels, and magnetorquers in use."""
     if diagnosed_part(dataset) != "wheel":
         return "what is left"
-    kinds = dataset["diagnosed_kind"].sel(time=at).values
+    row = int(np.searchsorted(dataset["time"].values, at))
+    kinds = dataset["diagnosed_kind"].values[row]
     out_of_service = [kind >= 0 and DIAGNOSED[int(kind)] not in IN_SERVICE for kind in kinds]
-    after = dataset.sel(time=slice(at, None)).isel(time=slice(2))  # the law may act one later
+    after = dataset.isel(time=slice(row, row + 2))  # the law may act one later
     rods = " and rods" if "rods" in mode_names(after).values() else ""
     count = len(kinds) - sum(out_of_service)
     return f"{count} wheel{'' if count == 1 else 's'}{rods}"
 
 
-def _tests(dataset: xr.Dataset) -> Plot:
+def _tests(dataset: Dataset) -> Plot:
     """Return a plot of the CUSUM statistics, of all actuators or of those nearest to an alarm."""
     time, values = dataset["time"].values, dataset["detection_statistic"].values
     places = np.arange(values.shape[1])

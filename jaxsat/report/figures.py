@@ -7,7 +7,6 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-import xarray as xr
 from matplotlib.figure import Figure
 
 from jaxsat.report.facts import scenario_tables
@@ -28,20 +27,21 @@ from jaxsat.report.run_plots import (
 )
 from jaxsat.report.shares import share_plots
 from jaxsat.report.timeline import mode_names, subject_title, timeline_of
+from jaxsat.store.labelled import Dataset
 
 PEAK = 20.0
 """Peak over the usual size of a signal beyond which its axis becomes logarithmic."""
 
 
-def trajectory_figures(dataset: xr.Dataset) -> dict[str, Figure]:
+def trajectory_figures(dataset: Dataset) -> dict[str, Figure]:
     """Return the figures of one run by file name, as far as its law has data for them."""
     figures = {
         "attitude": attitude_figure(dataset),
         "pointing": pointing_figure(dataset),
-        "rates": rates_figure(dataset, linear_to=_usual_size(dataset["omega"])),
-        "torque": torque_figure(dataset, linear_to=_usual_size(dataset["torque"])),
+        "rates": rates_figure(dataset, linear_to=_usual_size(dataset["omega"].values)),
+        "torque": torque_figure(dataset, linear_to=_usual_size(dataset["torque"].values)),
     }
-    if np.nan_to_num(dataset["lyapunov"]).any():
+    if np.nan_to_num(dataset["lyapunov"].values).any():
         figures["lyapunov"] = lyapunov_figure(dataset)
     if mode_names(dataset) and torque_axes(dataset) == 2:
         figures["steering"] = steering_figure(dataset)
@@ -57,7 +57,7 @@ def trajectory_figures(dataset: xr.Dataset) -> dict[str, Figure]:
 
 
 def _figure(
-    dataset: xr.Dataset,
+    dataset: Dataset,
     plots: Sequence[Plot],
     subject: str,
     title: str = "",
@@ -72,18 +72,18 @@ def _figure(
     return paint(plots, title, height, timeline)
 
 
-def attitude_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
+def attitude_figure(dataset: Dataset, *, title: str = "") -> Figure:
     """Plot the tilt w, and the turn z with the whole angle between body and orbit frame."""
     return _figure(dataset, attitude_plots(dataset), "attitude to the orbit frame", title)
 
 
-def pointing_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
+def pointing_figure(dataset: Dataset, *, title: str = "") -> Figure:
     """Plot the pointing error in degrees, total and about each axis, and Euler angles 3-2-1."""
     return _figure(dataset, pointing_plots(dataset), "pointing error to the orbit frame", title)
 
 
 def rates_figure(
-    dataset: xr.Dataset,
+    dataset: Dataset,
     *,
     zoom: Span | None = None,
     linear_to: float | None = None,
@@ -99,7 +99,7 @@ def rates_figure(
 
 
 def torque_figure(
-    dataset: xr.Dataset,
+    dataset: Dataset,
     *,
     zoom: Span | None = None,
     linear_to: float | None = None,
@@ -121,7 +121,7 @@ def torque_figure(
     return _figure(dataset, plots, subject, title, shaded="torque_max" not in dataset)
 
 
-def steering_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
+def steering_figure(dataset: Dataset, *, title: str = "") -> Figure:
     """Plot how two torques steer the third rate: ω1 and ω2, their product, and the resulting ω3.
 
     The second line of ω3 is the effect of the gyroscopic torque alone, (J1 - J2)/J3 ∫ω1 ω2 dt.
@@ -144,18 +144,16 @@ def steering_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
     return _figure(dataset, plots, "steering ω3", title)
 
 
-def lyapunov_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
+def lyapunov_figure(dataset: Dataset, *, title: str = "") -> Figure:
     """Plot the Lyapunov function of the law's proof on a logarithmic axis."""
     return _figure(dataset, signal_plots(dataset, "lyapunov"), "Lyapunov function", title, 2.2)
 
 
-def comparison_figure(
-    datasets: Sequence[xr.Dataset], labels: Sequence[str], *, title: str
-) -> Figure:
+def comparison_figure(datasets: Sequence[Dataset], labels: Sequence[str], *, title: str) -> Figure:
     """Plot several runs together: size of w, angle z and size of the relative rate."""
 
     def lines(name: str) -> list[Line]:
-        values = (one[name].values.reshape(len(one["time"]), -1) for one in datasets)
+        values = (one[name].values.reshape(one.sizes["time"], -1) for one in datasets)
         signals = (one[:, 0] if name == "z" else np.linalg.norm(one, axis=1) for one in values)
         times = (one["time"].values for one in datasets)
         return [Line(*line) for line in zip(times, signals, labels, strict=True)]
@@ -172,21 +170,21 @@ def _compress(plot: Plot, linear_to: float | None) -> Plot:
     return dataclasses.replace(plot, y=dataclasses.replace(plot.y, linear_to=linear_to))
 
 
-def _last_fifth(dataset: xr.Dataset) -> Span:
-    start, end = float(dataset["time"][0]), float(dataset["time"][-1])
+def _last_fifth(dataset: Dataset) -> Span:
+    start, end = map(float, dataset["time"].values[[0, -1]])
     return (end - (end - start) / 5, end)
 
 
-def _gyroscopic_ratio(dataset: xr.Dataset) -> float:
+def _gyroscopic_ratio(dataset: Dataset) -> float:
     """Return (J1 - J2)/J3 of (37), from the dataset's scenario."""
     inertia = np.array(scenario_tables(dataset)["spacecraft"]["inertia_kg_m2"])
     j1, j2, j3 = inertia if inertia.ndim == 1 else np.diag(inertia)
     return float((j1 - j2) / j3)
 
 
-def _usual_size(signal: xr.DataArray) -> float | None:
+def _usual_size(signal: np.ndarray) -> float | None:
     """Return the usual size of a signal if its peaks exceed it by far, else None."""
-    size = np.abs(signal.values)
+    size = np.abs(signal)
     size = size[np.isfinite(size).all(axis=1)].max(axis=1)
     usual = float(np.percentile(size, 95)) if len(size) else 0.0
     if usual == 0 or size.max() <= PEAK * usual:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,11 +14,9 @@ from jaxsat.scenario.parts.orbit import OrbitTable
 from jaxsat.scenario.parts.requirements import RequirementTable
 from jaxsat.simulation.requirements import raw_signals, saved_margin
 from jaxsat.spacecraft.environment.orbital_torques import Sunlight
+from jaxsat.store.labelled import Dataset
 from jaxsat.studies.statistics import fraction_text
 from jaxsat.studies.summary import RequirementSummary
-
-if TYPE_CHECKING:  # studies are told without it
-    import xarray as xr
 
 NOTE = (
     "A margin is how far the deciding signal is on the right side of its limit. It is judged at "
@@ -54,7 +52,7 @@ class RunMargin(NamedTuple):
         return self.margin >= 0
 
 
-def judgements(dataset: "xr.Dataset") -> list[RunMargin]:
+def judgements(dataset: Dataset) -> list[RunMargin]:
     """Judge every requirement of a run's scenario by the signals at its saved times."""
     scenario = scenario_tables(dataset)
     return [
@@ -63,7 +61,7 @@ def judgements(dataset: "xr.Dataset") -> list[RunMargin]:
     ]
 
 
-def _judgement(dataset: "xr.Dataset", scenario: dict, requirement: RequirementTable) -> RunMargin:
+def _judgement(dataset: Dataset, scenario: dict, requirement: RequirementTable) -> RunMargin:
     formula = requirement.parsed
     sentence = requirement.text or requirement.formula
     if missing := raw_signals(formula) - set(dataset.data_vars):

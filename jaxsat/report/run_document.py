@@ -5,11 +5,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from jaxsat.core.declaration.actuators import PARTS
 from jaxsat.core.text import capitalised, number_text, vector_text
-from jaxsat.report.actuator_table import share_sentence
+from jaxsat.report.actuator_table import share_sentence, used_propellant
 from jaxsat.report.document import Document, Facts, Verdict
 from jaxsat.report.facts import scenario_tables, settled_meaning, settles_in_attitude, step_error
 from jaxsat.report.requirements import judgements, requirement_table
@@ -18,12 +17,13 @@ from jaxsat.report.saturation import AT_LIMIT, saturation_sentences
 from jaxsat.report.shares import momentum_budget
 from jaxsat.report.timeline import failures_of
 from jaxsat.store.dataset import errors_of, time_at_rest, time_to_settle
+from jaxsat.store.labelled import Dataset
 
 UNMADE = 1e-9
 """Unmet torque below which there is none, over the largest torque."""
 
 
-def run_document(dataset: xr.Dataset, name: str = "") -> Document:
+def run_document(dataset: Dataset, name: str = "") -> Document:
     """Return the document: settling time, final state, actuators, and requirements.
 
     `name` is the title where the dataset has none.
@@ -37,13 +37,13 @@ def run_document(dataset: xr.Dataset, name: str = "") -> Document:
     return Document(_title(dataset, name), run_verdict(dataset, scenario, failures), blocks)
 
 
-def _title(dataset: xr.Dataset, name: str) -> str:
+def _title(dataset: Dataset, name: str) -> str:
     title = str(dataset.attrs.get("title", "")) or name
     case = dataset.attrs.get("case")
     return title if case is None else f"{title}, case {int(case)}"
 
 
-def until_end(dataset: xr.Dataset) -> xr.Dataset:
+def until_end(dataset: Dataset) -> Dataset:
     """Return the dataset up to the end of a failed run, with at least one time."""
     good = np.flatnonzero(np.isfinite(dataset["quaternion"].values).all(axis=1))
     last = int(good[-1]) if len(good) else 0
@@ -51,7 +51,7 @@ def until_end(dataset: xr.Dataset) -> xr.Dataset:
 
 
 def run_verdict(
-    dataset: xr.Dataset, scenario: Mapping[str, Any], failures: Sequence[tuple[float, str]]
+    dataset: Dataset, scenario: Mapping[str, Any], failures: Sequence[tuple[float, str]]
 ) -> Verdict:
     """Return the verdict: settling time, tolerances, law, and failures."""
     law = str(scenario.get("control", {}).get("law", "unknown"))
@@ -60,10 +60,9 @@ def run_verdict(
     attitude = settles_in_attitude(scenario)
     settled = time_to_settle(dataset) if attitude else time_at_rest(dataset)
     if attitude:
-        ends.insert(
-            0, f"pointing error {number_text(float(dataset['pointing_error_total'][-1]), 3)}°"
-        )
-    end = f"{number_text(float(dataset['time'][-1]), 6)} s"
+        error = float(dataset["pointing_error_total"].values[-1])
+        ends.insert(0, f"pointing error {number_text(error, 3)}°")
+    end = f"{number_text(float(dataset['time'].values[-1]), 6)} s"
     more = [f"{capitalised(what)} at {number_text(at, 6)} s." for at, what in failures]
     more += [*share_sentence(dataset), *saturation_sentences(dataset, scenario)]
     if unmet := _unmet_torque(dataset, scenario, _peak_torque(dataset)):
@@ -80,25 +79,24 @@ def run_verdict(
     return Verdict(False, f"Not settled within {end}.", more)
 
 
-def _final_state(dataset: xr.Dataset) -> dict[str, str]:
-    final = dataset.isel(time=-1)
-    tilt = np.degrees(2 * np.arctan(np.linalg.norm(final["w"].values)))
-    z = float(final["z"])
-    turn, lean = number_text(z), number_text(tilt, 3)
-    rates = vector_text(final["omega"], scale=_summed_rates(dataset))
+def _final_state(dataset: Dataset) -> dict[str, str]:
+    w, z, omega = (dataset[name].values[-1] for name in ("w", "z", "omega"))
+    tilt = np.degrees(2 * np.arctan(np.linalg.norm(w)))
+    turn, lean = number_text(float(z)), number_text(tilt, 3)
+    rates = vector_text(omega, scale=_summed_rates(dataset))
     return {
-        "attitude at the end": f"w = {vector_text(final['w'])}, z = {turn} rad, tilt {lean}°",
+        "attitude at the end": f"w = {vector_text(w)}, z = {turn} rad, tilt {lean}°",
         "rates at the end": f"ω = {rates} rad/s",
     }
 
 
-def _summed_rates(dataset: xr.Dataset) -> float:
+def _summed_rates(dataset: Dataset) -> float:
     """The largest rate (rad/s) times the root of the steps: the round-off of a sum grows so."""
     steps = float(dataset.attrs.get("steps", 1))
     return math.sqrt(max(steps, 1.0)) * float(np.abs(dataset["omega"].values).max())
 
 
-def _actuation(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> dict[str, str]:
+def _actuation(dataset: Dataset, scenario: Mapping[str, Any]) -> dict[str, str]:
     """Describe torque, effort, each device, the torque that holds the third rate, and steps."""
     peak, when = _peak_torque(dataset), "" if "torque_max" in dataset else " at the saved times"
     rows = {
@@ -107,7 +105,7 @@ def _actuation(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> dict[str, st
     }
     if "effort" in dataset:
         by = "all actuators" if has_effectors(dataset) else "the thrusters"
-        rows["effort"] = f"{vector_text(dataset['effort'])} N m s by {by}"
+        rows["effort"] = f"{vector_text(dataset['effort'].values)} N m s by {by}"
     if budget := momentum_budget(dataset):
         rows["momentum given"] = budget
     if "wheel_momentum" in dataset:
@@ -120,15 +118,15 @@ def _actuation(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> dict[str, st
             if signal.peak and signal.name in dataset:
                 limits = [one.get(signal.limit) for one in scenario.get(part.name, ())]
                 label = f"{part.name}s".replace("_", " ")
-                rows[label] = _peaks(dataset[signal.name], signal.units, limits)
+                rows[label] = _peaks(dataset[signal.name].values, signal.units, limits)
     if "thrust_level" in dataset:
         spans = np.diff(dataset["time"].values)
         open_for = spans @ dataset["thrust_level"].values[:-1]
         rows["thrusters"] = f"at full thrust for {vector_text(open_for)} s"
-    if "propellant" in dataset and (propellant := float(dataset["propellant"].max())) > 0:
+    if (propellant := used_propellant(dataset)) > 0:
         rows["propellant"] = f"{number_text(propellant, 3)} kg"
     if "constraint_effort" in dataset:
-        peak = float(abs(dataset["constraint_torque"]).max())
+        peak = float(np.nanmax(np.abs(dataset["constraint_torque"].values)))
         effort = number_text(dataset["constraint_effort"].values)
         rows["third rate"] = (
             f"held by an ideal torque: {effort} N m s, at most "
@@ -139,13 +137,13 @@ def _actuation(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> dict[str, st
     return {label: text for label, text in rows.items() if text}
 
 
-def _peak_torque(dataset: xr.Dataset) -> np.ndarray:
+def _peak_torque(dataset: Dataset) -> np.ndarray:
     """Return the peak torque about each body axis, N m; of a sampled law at any time."""
     torques = ("torque_min", "torque_max") if "torque_max" in dataset else ("torque",)
     return np.nanmax(np.abs(np.concatenate([dataset[one].values for one in torques])), axis=0)
 
 
-def _unmet_torque(dataset: xr.Dataset, scenario: Mapping[str, Any], peak: np.ndarray) -> str:
+def _unmet_torque(dataset: Dataset, scenario: Mapping[str, Any], peak: np.ndarray) -> str:
     """Describe the largest unmet torque, and how often there is any; empty for none."""
     if "torque_unmade" not in dataset:
         return ""
@@ -164,9 +162,9 @@ def _unmet_torque(dataset: xr.Dataset, scenario: Mapping[str, Any], peak: np.nda
     )
 
 
-def _peaks(history: xr.DataArray, units: str, limits: Sequence[float | None]) -> str:
+def _peaks(history: np.ndarray, units: str, limits: Sequence[float | None]) -> str:
     """Describe the peak of each device, its fraction of the limit, and the time at a limit."""
-    sizes = np.abs(history.values)
+    sizes = np.abs(history)
     text = f"at most {vector_text(np.nanmax(sizes, axis=0))} {shown_unit(units)}"
     if len(limits) != sizes.shape[1] or not all(limits):
         return text

@@ -3,13 +3,13 @@
 import dataclasses
 
 import numpy as np
-import xarray as xr
 
 from jaxsat.core.declaration.actuators import ACTUATORS, SIGNALS
 from jaxsat.core.text import capitalised
 from jaxsat.report.plot import TIME, Axis, Band, Line, Plot, Strips
 from jaxsat.report.style import MOST_LINES
 from jaxsat.report.timeline import mode_names
+from jaxsat.store.labelled import Dataset
 
 Span = tuple[float, float]
 
@@ -74,30 +74,35 @@ def shown_unit(unit: str) -> str:
     return symbol.replace(" s-1", "/s").replace("s-1", "1/s").replace("m2", "m²")
 
 
-def has_effectors(dataset: xr.Dataset) -> bool:
+def has_effectors(dataset: Dataset) -> bool:
     """Whether other actuators than thrusters make torques."""
     names = {signal.name for actuator in ACTUATORS if actuator.maker for signal in actuator.signals}
     return not names.isdisjoint(dataset.data_vars)
 
 
-def part_labels(variable: xr.DataArray) -> list[str]:
+def part_labels(dataset: Dataset, name: str) -> list[str]:
     """Return the label of each column of a signal; "" for a scalar."""
-    return [""] if variable.ndim == 1 else [str(one) for one in variable[variable.dims[1]].values]
+    axes = dataset[name].dims
+    if len(axes) == 1:
+        return [""]
+    axis = str(axes[1])
+    columns = dataset[axis].values if axis in dataset else range(dataset.sizes[axis])
+    return [str(one) for one in columns]
 
 
-def further_signals(dataset: xr.Dataset) -> list[str]:
+def further_signals(dataset: Dataset) -> list[str]:
     """Return the signals over time without their own figure, such as an estimator's error."""
     return [
         str(name)
         for name, variable in dataset.data_vars.items()
         if variable.dims[:1] == ("time",)
-        and variable.ndim <= 2
+        and len(variable.dims) <= 2
         and name not in OWN
         and not str(name).endswith(BOUND)
     ]
 
 
-def signal_plots(dataset: xr.Dataset, name: str) -> list[Plot]:
+def signal_plots(dataset: Dataset, name: str) -> list[Plot]:
     """Return the plot of one signal; empty where it is missing or uninformative.
 
     A signal "…_3sigma" is drawn as a band about zero of the signal "…_error". More components than
@@ -112,7 +117,7 @@ def signal_plots(dataset: xr.Dataset, name: str) -> list[Plot]:
         return []
     title = TITLES.get(name) or capitalised(str(variable.attrs.get("long_name", name)))
     unit = shown_unit(str(variable.attrs.get("units", "1"))) or "1"
-    parts = part_labels(variable)
+    parts = part_labels(dataset, name)
     if len(parts) > MOST_LINES:
         return [Plot(title, "", TIME, Axis(title, unit), strips=Strips(time, values, parts))]
     if name in WRAPPED:
@@ -131,7 +136,7 @@ def signal_plots(dataset: xr.Dataset, name: str) -> list[Plot]:
     return [Plot(title, "", TIME, axis, lines)]
 
 
-def attitude_plots(dataset: xr.Dataset) -> list[Plot]:
+def attitude_plots(dataset: Dataset) -> list[Plot]:
     """Plot the tilt w, and the turn z with the whole angle between body and orbit frame."""
     time, tilt = dataset["time"].values, dataset["w"].values
     turn = np.degrees(dataset["z"].values)
@@ -144,13 +149,13 @@ def attitude_plots(dataset: xr.Dataset) -> list[Plot]:
     ]
 
 
-def pointing_plots(dataset: xr.Dataset) -> list[Plot]:
+def pointing_plots(dataset: Dataset) -> list[Plot]:
     """Plot the pointing error, total and about each body axis, and the Euler angles 3-2-1."""
     names = ("pointing_error_total", "pointing_error", "euler_angle")
     return [plot for name in names for plot in signal_plots(dataset, name)]
 
 
-def torque_plots(dataset: xr.Dataset) -> list[Plot]:
+def torque_plots(dataset: Dataset) -> list[Plot]:
     """Plot the torque; where it changes between saved times, mean and range for each axis."""
     if "torque_max" not in dataset:
         plots = signal_plots(dataset, "torque")
@@ -163,7 +168,7 @@ def torque_plots(dataset: xr.Dataset) -> list[Plot]:
     ]
 
 
-def torque_lines(dataset: xr.Dataset) -> list[Line]:
+def torque_lines(dataset: Dataset) -> list[Line]:
     """Return the mean torque about each axis, with any range between saved times."""
     time = dataset["time"].values
     if "torque_max" not in dataset:
@@ -189,10 +194,10 @@ def enlarged(plot: Plot, span: Span) -> Plot:
     return Plot(f"{plot.title}, enlarged", "", Axis("time", "s", limits=span), axis, lines)
 
 
-def torque_axes(dataset: xr.Dataset) -> int:
+def torque_axes(dataset: Dataset) -> int:
     """Return the number of axes with torque: three if any acts about the third axis, else two."""
-    names = {"torque", "torque_min", "torque_max"} & set(dataset)
-    return 3 if any((np.abs(dataset[name][:, 2]) > 0).any() for name in names) else 2
+    names = {"torque", "torque_min", "torque_max"} & set(dataset.data_vars)
+    return 3 if any((np.abs(dataset[name].values[:, 2]) > 0).any() for name in names) else 2
 
 
 def _label(name: str, number: int, part: str) -> str:

@@ -4,12 +4,12 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from jaxtyping import Float
 
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.text import capitalised, number_text
 from jaxsat.report.run_plots import part_labels
+from jaxsat.store.labelled import Dataset
 
 STORE = "disc"
 """Shape of a device that stores momentum."""
@@ -54,14 +54,14 @@ def full_at_trend(
     return float(time[-1] + (limit - end) / slope)
 
 
-def saturation_sentences(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> Iterator[str]:
+def saturation_sentences(dataset: Dataset, scenario: Mapping[str, Any]) -> Iterator[str]:
     """Yield a sentence on each device that came near the limit of its storage, or soon will."""
     time = dataset["time"].values
     stores = ((kind, one) for kind in ACTUATORS for one in kind.signals if one.shape == STORE)
     for kind, signal in stores:
         if signal.name not in dataset:
             continue
-        labels, tables = part_labels(dataset[signal.name]), scenario.get(kind.name, ())
+        labels, tables = part_labels(dataset, signal.name), scenario.get(kind.name, ())
         for label, table, values in zip(
             labels, tables, dataset[signal.name].values.T, strict=False
         ):

@@ -4,7 +4,6 @@ import math
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from jaxtyping import Bool, Float
 
 from jaxsat.core.declaration.actuators import ACTUATORS
@@ -14,11 +13,12 @@ from jaxsat.report.plot import TIME, Axis, Line, Plot
 from jaxsat.scenario.build.plant import field_of
 from jaxsat.scenario.parts.orbit import OrbitTable
 from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION
+from jaxsat.store.labelled import Dataset
 
 WHEEL, ROD = "wheel", "magnetorquer"
 
 
-def shares_of(dataset: xr.Dataset) -> dict[str, Float[np.ndarray, "n 3"]] | None:
+def shares_of(dataset: Dataset) -> dict[str, Float[np.ndarray, "n 3"]] | None:
     """Return the torque on the body (N m, body axes) over time by kind of actuator, or None.
 
     None where one kind makes it all, or signals that separate kinds are missing. Under a sampled
@@ -48,11 +48,11 @@ def shares_of(dataset: xr.Dataset) -> dict[str, Float[np.ndarray, "n 3"]] | None
     return torques if len(torques) > 1 else None
 
 
-def _is_held(dataset: xr.Dataset) -> bool:
+def _is_held(dataset: Dataset) -> bool:
     return "torque_mean" in dataset
 
 
-def _fires(dataset: xr.Dataset) -> Bool[np.ndarray, " n"]:
+def _fires(dataset: Dataset) -> Bool[np.ndarray, " n"]:
     """Whether a thruster may fire between each saved time and the next: it is on at either, or a
     valve opens in this interval or, as thrust is delayed, in the one before."""
     if not _is_held(dataset) or "valve_openings" not in dataset:
@@ -62,7 +62,7 @@ def _fires(dataset: xr.Dataset) -> Bool[np.ndarray, " n"]:
     return on | np.append(on[1:], False) | opened | np.append(False, opened[:-1])
 
 
-def _of_wheels(dataset: xr.Dataset, tables: list[dict[str, Any]]) -> Float[np.ndarray, "n wheels"]:
+def _of_wheels(dataset: Dataset, tables: list[dict[str, Any]]) -> Float[np.ndarray, "n wheels"]:
     """Return torques of wheels on the body along their axes (N m): of a sampled law means, by ḣ =
     -c - J_w aᵀω̇, except in the interval in which one seizes, whose jump no motor makes."""
     torque = dataset["wheel_torque"].values
@@ -82,7 +82,7 @@ def _axes(tables: list[dict[str, Any]]) -> Float[np.ndarray, "m 3"]:
     return axes / np.linalg.norm(axes, axis=1)[:, None]
 
 
-def _rods_torque(dataset: xr.Dataset, tables: dict[str, Any]) -> Float[np.ndarray, "n 3"]:
+def _rods_torque(dataset: Dataset, tables: dict[str, Any]) -> Float[np.ndarray, "n 3"]:
     """Return m × B of the dipoles, N m."""
     time = dataset["time"].values
     field = field_of(OrbitTable.model_validate(tables.get("orbit", {})))
@@ -91,7 +91,7 @@ def _rods_torque(dataset: xr.Dataset, tables: dict[str, Any]) -> Float[np.ndarra
     return np.cross(dataset["dipole"].values @ _axes(tables[ROD]), _turned(to_body, b))
 
 
-def share_plots(dataset: xr.Dataset) -> list[Plot]:
+def share_plots(dataset: Dataset) -> list[Plot]:
     """Plot the size of each kind of actuator's torque; empty where one kind makes it all."""
     shares, time = shares_of(dataset), dataset["time"].values
     if shares is None:
@@ -101,7 +101,7 @@ def share_plots(dataset: xr.Dataset) -> list[Plot]:
     return [Plot(title, "", TIME, Axis("|T|", "N m"), lines)]
 
 
-def momentum_budget(dataset: xr.Dataset) -> str:
+def momentum_budget(dataset: Dataset) -> str:
     """Describe the momentum that external torques, and actuators without storage, give.
 
     It is in inertial axes, N m s: the mean of whole orbits, or that of a run shorter than one.
@@ -129,7 +129,7 @@ def momentum_budget(dataset: xr.Dataset) -> str:
 
 
 def _impulse(
-    dataset: xr.Dataset, torque: Float[np.ndarray, "n 3"], *, held: bool
+    dataset: Dataset, torque: Float[np.ndarray, "n 3"], *, held: bool
 ) -> Float[np.ndarray, "3"]:
     """Return ∫ torque dt in inertial axes, N m s, by the trapezoidal rule; `held` torques are means
     until the next time."""
@@ -140,17 +140,16 @@ def _impulse(
     return spans @ (before[:-1] + after[1:]) / 2
 
 
-def _in_inertial(
-    dataset: xr.Dataset, vectors: Float[np.ndarray, "n 3"]
-) -> Float[np.ndarray, "n 3"]:
+def _in_inertial(dataset: Dataset, vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     """Rotate vectors in body axes, one at each time, to the orbit frame at the first time.
 
     The orbit frame's rate is the body's rate without its rate relative to the frame.
     """
     to_orbit = dataset["quaternion"].values
-    frame_rate = (dataset["omega"] - dataset["relative_rate"]).values[:1]
+    frame_rate = dataset["omega"].values[:1] - dataset["relative_rate"].values[:1]
     (turn,) = _turned(to_orbit[:1], frame_rate)
-    half = (dataset["time"].values[:, None] - float(dataset["time"][0])) / 2
+    time = dataset["time"].values[:, None]
+    half = (time - time[0]) / 2
     size = half * np.linalg.norm(turn)
     frame_turns = np.hstack([np.cos(size), half * np.sinc(size / np.pi) * turn])
     return _turned(frame_turns, _turned(to_orbit, vectors))

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.report.facts import scenario_tables
 from jaxsat.report.plot import Timeline
+from jaxsat.store.labelled import Dataset
 from jaxsat.store.labels import ALL_PARTS
 
 DIAGNOSED = tuple(kind.word for kind in DiagnosedKind)
@@ -18,7 +18,7 @@ MOST_VERDICTS = 6
 """Number of alarms and verdicts that a figure names."""
 
 
-def timeline_of(dataset: xr.Dataset) -> Timeline:
+def timeline_of(dataset: Dataset) -> Timeline:
     """Return failures, alarms and verdicts of a run, and spans of unusual modes of its law.
 
     The usual mode is 0 or, without one, the mode in which the run ends.
@@ -32,7 +32,7 @@ def timeline_of(dataset: xr.Dataset) -> Timeline:
     return Timeline(time, marks, shades)
 
 
-def subject_title(dataset: xr.Dataset, subject: str) -> str:
+def subject_title(dataset: Dataset, subject: str) -> str:
     """Return the title of a run with the subject of a figure."""
     return f"{dataset.attrs.get('title', 'Trajectory')}: {subject}"
 
@@ -46,7 +46,7 @@ def failures_of(scenario: Mapping[str, Any], times: np.ndarray) -> list[tuple[fl
     )
 
 
-def verdicts(dataset: xr.Dataset) -> list[tuple[float, str]]:
+def verdicts(dataset: Dataset) -> list[tuple[float, str]]:
     """Return times (s) and names of the first alarms and isolations by a diagnosing law."""
     if "diagnosed_kind" not in dataset:
         return []
@@ -63,19 +63,19 @@ def verdicts(dataset: xr.Dataset) -> list[tuple[float, str]]:
     return sorted(events)[:MOST_VERDICTS]
 
 
-def diagnosed_part(dataset: xr.Dataset) -> str:
+def diagnosed_part(dataset: Dataset) -> str:
     """Return the diagnosed kind of actuator: "thruster", "wheel", or "actuator" for both."""
     return str(dataset["diagnosed_kind"].dims[-1])
 
 
-def diagnosed_names(dataset: xr.Dataset) -> list[str]:
+def diagnosed_names(dataset: Dataset) -> list[str]:
     """Return kind and name of each diagnosed actuator, such as "wheel A"."""
     part = diagnosed_part(dataset)
     names = dataset[part].values
     return [str(name) if part == ALL_PARTS else f"{part} {name}" for name in names]
 
 
-def mode_names(dataset: xr.Dataset) -> dict[int, str]:
+def mode_names(dataset: Dataset) -> dict[int, str]:
     """Return the meanings of the numbers of `mode` that occur in a run."""
     attributes, modes = dataset["mode"].attrs, dataset["mode"].values
     meanings = str(attributes.get("flag_meanings", "")).split()

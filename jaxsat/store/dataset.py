@@ -1,15 +1,15 @@
-"""Trajectories as xarray datasets, and quantities derived from them."""
+"""Trajectories as labelled arrays, and quantities derived from them."""
 
+import dataclasses
 import enum
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import jax
 import numpy as np
-import xarray as xr
 
 from jaxsat.control.sampled import mode_label
 from jaxsat.core.attitude import SEQUENCE, euler_angles, pointing_error
@@ -17,6 +17,7 @@ from jaxsat.core.text import clean
 from jaxsat.core.tolerances import Tolerances, within
 from jaxsat.simulation.trajectory import Signals, Trajectory
 from jaxsat.store.files import OutputError, one_line
+from jaxsat.store.labelled import Dataset, LabelledArray, LabelledArrays
 from jaxsat.store.labels import (
     ALL_PARTS,
     AXES,
@@ -32,6 +33,9 @@ from jaxsat.store.labels import (
 from jaxsat.store.marker import read_unchanged
 from jaxsat.store.provenance import provenance_attributes
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 
 def trajectory_dataset(
     trajectory: Trajectory,
@@ -40,7 +44,7 @@ def trajectory_dataset(
     scenario: str = "",
     seed: int | None = None,
     modes: type[enum.IntEnum] | None = None,
-) -> xr.Dataset:
+) -> "xr.Dataset":
     """Return the history of one run over `time` (s), body axes, with units as attributes.
 
     `scenario` is the scenario as TOML text. Global attributes hold it with the outcome, the seed
@@ -49,6 +53,20 @@ def trajectory_dataset(
     times, `torque_min`, `torque_max` and `torque_mean` are its range from each to the next. The
     `TOTALS` of the whole run are included.
     """
+    return trajectory_arrays(
+        trajectory, title=title, scenario=scenario, seed=seed, modes=modes
+    ).dataset()
+
+
+def trajectory_arrays(
+    trajectory: Trajectory,
+    *,
+    title: str = "",
+    scenario: str = "",
+    seed: int | None = None,
+    modes: type[enum.IntEnum] | None = None,
+) -> LabelledArrays:
+    """Return the arrays of `trajectory_dataset`."""
     signals = trajectory.signals
     variables = {
         **_label_variables(
@@ -59,35 +77,33 @@ def trajectory_dataset(
     axis = diagnosed_axis(signals)
     for name in {"diagnosed_kind", "detection_statistic"} & set(variables):
         one = variables[name]
-        variables[name] = xr.Variable(("time", axis), one.values, one.attrs)
+        variables[name] = one._replace(dims=("time", axis))
     variables |= pointing(np.asarray(signals.quaternion))
     variables |= _ranges(trajectory) | _errors(trajectory)
     if modes is not None:
-        variables["mode"].attrs |= {
+        mode = variables["mode"]
+        flags = {
             "flag_values": np.array(list(modes), float),
-            "flag_meanings": " ".join(mode_label(mode).replace(" ", "_") for mode in modes),
+            "flag_meanings": " ".join(mode_label(one).replace(" ", "_") for one in modes),
         }
-    time = xr.Variable(
-        "time", np.asarray(trajectory.times), {"units": "s", "long_name": "time since the start"}
-    )
-    axes = dict.fromkeys(axis for variable in variables.values() for axis in variable.dims)
-    labels: dict[Any, Any] = {axis: list(AXES[str(axis)]) for axis in axes if axis in AXES}
+        variables["mode"] = mode._replace(attrs={**mode.attrs, **flags})
+    arrays = LabelledArrays(variables, {}, _attributes(trajectory, title, scenario, seed))
+    sizes = arrays.sizes
+    labels: dict[str, Sequence[str | int]] = {axis: AXES[axis] for axis in sizes if axis in AXES}
     for axis in PARTS:
-        if axis in axes:
-            sizes = (one.sizes[axis] for one in variables.values() if axis in one.dims)
-            names = part_names(scenario, axis, next(sizes))
+        if axis in sizes:
+            names = part_names(scenario, axis, sizes[axis])
             are_numbers = all(name.isdecimal() for name in names)
             labels[axis] = [int(name) for name in names] if are_numbers else names
-    if ALL_PARTS in axes:
-        kinds = [(kind, variables[name].shape[-1]) for kind, name in DIAGNOSED_PARTS.items()]
+    if ALL_PARTS in sizes:
+        kinds = [(kind, variables[name].values.shape[-1]) for kind, name in DIAGNOSED_PARTS.items()]
         labels[ALL_PARTS] = [
             f"{kind} {name}" for kind, count in kinds for name in part_names(scenario, kind, count)
         ]
-    return xr.Dataset(
-        variables,
-        coords={"time": time, **labels},
-        attrs=_attributes(trajectory, title, scenario, seed),
-    )
+    clock = {"units": "s", "long_name": "time since the start"}
+    coordinates = {"time": LabelledArray(("time",), np.asarray(trajectory.times), clock)}
+    coordinates |= {axis: LabelledArray((axis,), np.array(names)) for axis, names in labels.items()}
+    return dataclasses.replace(arrays, coords=coordinates)
 
 
 def _labels_of_own_signals(signals: Signals) -> dict[str, Label]:
@@ -108,7 +124,7 @@ def diagnosed_axis(signals: Signals) -> str:
     return ALL_PARTS if both else "thruster"
 
 
-def _ranges(trajectory: Trajectory) -> dict[str, xr.Variable]:
+def _ranges(trajectory: Trajectory) -> dict[str, LabelledArray]:
     """Return the range of the torque between saved times; empty if it equals the saved torque."""
     ranges, torque = trajectory.torque_range, np.asarray(trajectory.signals.torque)
     if ranges is None or all(
@@ -116,7 +132,7 @@ def _ranges(trajectory: Trajectory) -> dict[str, xr.Variable]:
     ):
         return {}
     return {
-        name: xr.Variable(
+        name: LabelledArray(
             ("time", "body_axis"),
             np.asarray(getattr(ranges, part)),
             {"units": "N m", "long_name": f"{what} thruster torque until the next saved time"},
@@ -125,12 +141,12 @@ def _ranges(trajectory: Trajectory) -> dict[str, xr.Variable]:
     }
 
 
-def _errors(trajectory: Trajectory) -> dict[str, xr.Variable]:
+def _errors(trajectory: Trajectory) -> dict[str, LabelledArray]:
     errors = trajectory.integration_error
     if errors is None:
         return {}
     return {
-        name: xr.Variable(
+        name: LabelledArray(
             (),
             np.asarray(getattr(errors, part)),
             {"units": label.units, "long_name": label.long_name},
@@ -139,13 +155,13 @@ def _errors(trajectory: Trajectory) -> dict[str, xr.Variable]:
     }
 
 
-def errors_of(dataset: xr.Dataset) -> tuple[float | None, float | None]:
+def errors_of(dataset: Dataset) -> tuple[float | None, float | None]:
     """Return the error estimates of rate (rad/s) and attitude (rad), None where absent."""
-    rate, attitude = (dataset.get(name) for name in ERRORS)
-    return (None if rate is None else float(rate), None if attitude is None else float(attitude))
+    rate, attitude = (float(dataset[name].values) if name in dataset else None for name in ERRORS)
+    return rate, attitude
 
 
-def open_trajectory(path: str | Path) -> xr.Dataset:
+def open_trajectory(path: str | Path) -> "xr.Dataset":
     """Read the dataset of a run whole: `path` is a netCDF file or its folder.
 
     Raises `OutputError` for a missing file, or one that has changed since jaxsat wrote it.
@@ -158,6 +174,8 @@ def open_trajectory(path: str | Path) -> xr.Dataset:
             raise OutputError(f"{path} is no folder of a run: it contains no {file.name}.")
         what = "is no file that can be read" if file.exists() else "does not exist"
         raise OutputError(f"{file} {what}.")
+    import xarray as xr  # takes its time, and a single run has no use for it
+
     try:
         with h5py.File(io.BytesIO(data)) as hdf5:
             dict(hdf5.attrs)  # fails here rather than in h5netcdf, which would not close
@@ -169,10 +187,10 @@ def open_trajectory(path: str | Path) -> xr.Dataset:
 
 def _label_variables(
     values: Mapping[str, Any], labels: Mapping[str, Label], first: tuple[str, ...]
-) -> dict[str, xr.Variable]:
+) -> dict[str, LabelledArray]:
     """Return the labelled variables of those `values` that exist."""
     return {
-        name: xr.Variable(
+        name: LabelledArray(
             (*first, *label.dimensions),
             np.asarray(values[name]),
             {"units": label.units, "long_name": label.long_name},
@@ -199,7 +217,7 @@ def _attributes(
     return attributes | provenance_attributes()
 
 
-def pointing(quaternion: np.ndarray) -> dict[str, xr.Variable]:
+def pointing(quaternion: np.ndarray) -> dict[str, LabelledArray]:
     """Return a trajectory's variables derived from quaternions (times, 4), in degrees."""
     error = pointing_error(quaternion)
     entries = {
@@ -208,7 +226,7 @@ def pointing(quaternion: np.ndarray) -> dict[str, xr.Variable]:
         "euler_angle": (euler_angles(quaternion), "euler_axis", f"Euler angles, {SEQUENCE}"),
     }
     return {
-        name: xr.Variable(
+        name: LabelledArray(
             ("time",) if axis is None else ("time", axis),
             values,
             {"units": "degree", "long_name": meaning},
@@ -220,13 +238,13 @@ def pointing(quaternion: np.ndarray) -> dict[str, xr.Variable]:
 _within = jax.jit(within)
 
 
-def is_within(dataset: xr.Dataset) -> np.ndarray:
+def is_within(dataset: Dataset) -> np.ndarray:
     """Whether attitude and relative rate are within the default tolerances, at each saved time."""
     w, z, rate = (jax.numpy.asarray(dataset[name].values) for name in ("w", "z", "relative_rate"))
     return np.asarray(_within(w, z, rate, Tolerances()))
 
 
-def time_to_settle(dataset: xr.Dataset) -> float:
+def time_to_settle(dataset: Dataset) -> float:
     """Return the instant from which all tolerances hold to the end, s; infinite if none.
 
     The run itself determines it on the integrator's steps, by the tolerances of `simulate`: the
@@ -235,31 +253,31 @@ def time_to_settle(dataset: xr.Dataset) -> float:
     return _total(dataset, "settled_from")
 
 
-def time_at_rest(dataset: xr.Dataset) -> float:
+def time_at_rest(dataset: Dataset) -> float:
     """Return the instant from which the inertial rates stay within tolerance, in any attitude, s,
     as for a rate law. Infinite if none."""
     return _total(dataset, "at_rest_from")
 
 
-def _total(dataset: xr.Dataset, name: str) -> float:
+def _total(dataset: Dataset, name: str) -> float:
     if name not in dataset:
         raise ValueError(
             f"Argument `dataset` must hold {name}, which the run itself records, but got one with "
             f"{', '.join(map(str, dataset.data_vars))}; simulate again."
         )
-    return float(dataset[name])
+    return float(dataset[name].values)
 
 
 MOST_TURN = 2 * np.pi / 3
 """Largest turn (rad) between two records: from half a turn on, its sense is ambiguous."""
 
 
-def coarseness(dataset: xr.Dataset) -> str:
+def coarseness(dataset: Dataset) -> str:
     """Return a warning where a body turns too far between two saved times; else an empty text.
 
     The turn is the larger of those by the saved attitudes and by the saved rates.
     """
-    if not {"time", "quaternion", "omega"} <= set(dataset.variables) or len(dataset["time"]) < 2:
+    if not {"time", "quaternion", "omega"} <= set(dataset.variables) or dataset.sizes["time"] < 2:
         return ""
     times, q = dataset["time"].values, dataset["quaternion"].values
     steps = np.diff(times)

@@ -1,13 +1,15 @@
 """Commands import no large package that they have no use for: each costs up to half a second."""
 
 import json
+import os
 import subprocess
 import sys
 
 import pytest
 
 STORES = {"numcodecs", "zarr"}
-TABLES = {"h5py", "pandas", "xarray"}
+LABELS = {"pandas", "xarray"}
+TABLES = {"h5py", *LABELS}
 FIGURES = {"bokeh", "matplotlib"}
 SOLVERS = {"diffrax", "optax", "scipy"}
 CHECK = "scenarios check thruster-dies"
@@ -21,11 +23,15 @@ COMMANDS = {
 COMPUTING = {
     "simulate paper-rate --out run": {
         *STORES,
+        *LABELS,
         "bokeh",
+        "diffrax",
         "optax",
         "scipy",
         "jaxsat.studies.ensemble",
     },
+    "montecarlo failures-12u --case 1 --out case": {*LABELS, "bokeh", "optax"},
+    "controllability thruster-dies --out reach": {*STORES, *LABELS, "bokeh", "optax", "scipy"},
     "montecarlo failures-12u -n 4": {
         "zarr",
         *TABLES,
@@ -45,10 +51,12 @@ for line in sys.argv[1:]:
 """
 
 
-def imports_of(lines, folder):
+def imports_of(lines, folder, **variables):
     """The modules that have been imported after each of several commands of one process."""
-    command = [sys.executable, "-c", PROGRAM, *lines]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    command, environment = [sys.executable, "-c", PROGRAM, *lines], {**os.environ, **variables}
+    done = subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=True
+    )
     return [set(json.loads(line)) for line in done.stdout.splitlines()]
 
 
@@ -64,6 +72,8 @@ def test_commands_that_fly_nothing(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("line", COMPUTING)
 def test_commands_that_fly(line, tmp_path):
-    (modules,) = imports_of([line], tmp_path)
+    """Also where a run compiles its program first."""
+    variables = {"JAXSAT_CACHE_DIR": str(tmp_path / "empty")} if "simulate" in line else {}
+    (modules,) = imports_of([line], tmp_path, **variables)
     assert "jaxsat.simulation.engine.native.kernel" in modules  # it has flown
     assert COMPUTING[line] & modules == set()

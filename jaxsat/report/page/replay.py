@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from jaxsat.core.declaration.actuator import Signal
 from jaxsat.core.declaration.actuators import ACTUATORS
@@ -13,6 +12,7 @@ from jaxsat.core.declaration.failures import ONE_WAY
 from jaxsat.report.run_document import failures_of
 from jaxsat.report.timeline import mode_names
 from jaxsat.scenario.control import known_law
+from jaxsat.store.labelled import Dataset
 
 MOST_SAMPLES = 20_000
 """Largest number of attitude samples; longer runs are thinned evenly."""
@@ -21,12 +21,11 @@ THINNEST = 0.12
 """Least side of the body, over the longest one."""
 
 
-def craft(dataset: xr.Dataset, scenario: Mapping[str, Any], title: str) -> dict[str, Any]:
+def craft(dataset: Dataset, scenario: Mapping[str, Any], title: str) -> dict[str, Any]:
     """Return one spacecraft and its motion; arrays are base64 of little-endian floats."""
-    every = -(-len(dataset["time"]) // MOST_SAMPLES)
-    samples = np.unique(
-        np.append(np.arange(0, len(dataset["time"]), every), len(dataset["time"]) - 1)
-    )
+    count = dataset.sizes["time"]
+    every = -(-count // MOST_SAMPLES)
+    samples = np.unique(np.append(np.arange(0, count, every), count - 1))
     data = dataset.isel(time=samples)
     axes, half = body_box(scenario)
     thrusters, columns = _thrusters(scenario, data)
@@ -74,7 +73,7 @@ def body_box(scenario: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     return axes.T, np.maximum(sides, THINNEST)
 
 
-def phases_of(dataset: xr.Dataset) -> list[dict[str, Any]]:
+def phases_of(dataset: Dataset) -> list[dict[str, Any]]:
     """Return the phases of the law in order: name, start and end, s."""
     names, time = mode_names(dataset), dataset["time"].values
     if len(names) < 2:
@@ -109,7 +108,7 @@ def _failures_of_part(
 
 
 def _thrusters(
-    scenario: Mapping[str, Any], data: xr.Dataset
+    scenario: Mapping[str, Any], data: Dataset
 ) -> tuple[list[dict[str, Any]], np.ndarray | None]:
     """Return the thrusters to draw, and the level of each (times, n) or None."""
     tables = scenario.get("thruster", ())
@@ -165,7 +164,7 @@ def _torque_axis(table: Mapping[str, Any], sign: int) -> list[float] | None:
 
 
 def _along_axes(
-    scenario: Mapping[str, Any], data: xr.Dataset, kind: str, signal: Signal
+    scenario: Mapping[str, Any], data: Dataset, kind: str, signal: Signal
 ) -> dict[str, Any]:
     """Return devices to draw, and their signal (times, n) over its limit.
 
@@ -176,7 +175,7 @@ def _along_axes(
         name = str(table.get("name", place))
         failures = _failures_of_part(scenario, kind, name, bool(table.get("failed")))
         parts.append({"name": name, "axis": _unit(table.get("axis"), 1), "failures": failures})
-    if signal.name in data and data[signal.name].shape[1] == len(tables):
+    if signal.name in data and data[signal.name].values.shape[1] == len(tables):
         values = data[signal.name].values
         largest = np.nanmax(np.abs(values), initial=0.0) or 1.0
         limits = np.array([float(table.get(signal.limit) or largest) for table in tables])

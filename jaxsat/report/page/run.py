@@ -4,7 +4,6 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from jaxsat.core.text import capitalised
 from jaxsat.report.actuator_table import actuator_tables
@@ -26,9 +25,10 @@ from jaxsat.report.run_plots import (
 from jaxsat.report.shares import share_plots
 from jaxsat.report.timeline import failures_of
 from jaxsat.store.dataset import coarseness
+from jaxsat.store.labelled import Dataset
 
 
-def run_section(dataset: xr.Dataset, name: str, command: str = "") -> Document:
+def run_section(dataset: Dataset, name: str, command: str = "") -> Document:
     """Return the section of a run's dataset; `name` is its origin."""
     scenario = scenario_tables(dataset)
     document = run_document(dataset, name)
@@ -57,7 +57,7 @@ def run_section(dataset: xr.Dataset, name: str, command: str = "") -> Document:
     return dataclasses.replace(document, blocks=blocks, kind=f"Run in {name}", plots=window)
 
 
-def _plots(dataset: xr.Dataset) -> dict[str, list[Plot]]:
+def _plots(dataset: Dataset) -> dict[str, list[Plot]]:
     def of(*names: str) -> list[Plot]:
         return [plot for name in names for plot in signal_plots(dataset, name)]
 
@@ -74,14 +74,14 @@ def _plots(dataset: xr.Dataset) -> dict[str, list[Plot]]:
     }
 
 
-def extremes(dataset: xr.Dataset) -> Table:
+def extremes(dataset: Dataset) -> Table:
     """Return the least, largest and last value of every signal."""
     rows = []
     for name, variable in dataset.data_vars.items():
         if variable.dims[:1] != ("time",):
             continue
-        values = variable.values.reshape(len(dataset["time"]), -1)
-        for part, column in zip(part_labels(variable), values.T, strict=True):
+        values = variable.values.reshape(dataset.sizes["time"], -1)
+        for part, column in zip(part_labels(dataset, str(name)), values.T, strict=True):
             good = column[np.isfinite(column)]
             if len(good):
                 unit = str(variable.attrs.get("units", "1"))
