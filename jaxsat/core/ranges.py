@@ -73,6 +73,9 @@ ATTITUDE_NOISE = Range(0.0, 10.0)
 TRACKER_NOISE = Range(1e-9, 1.0)
 """Standard deviation of a star tracker, rad; a filter divides by its square."""
 
+PROBABILITY = Range(1e-12, 1.0)
+"""Probability of an event that may happen."""
+
 FIELD_NOISE = Range(1e-12, 1e-3)
 FIELD_BIAS = Range(-1e-3, 1e-3)
 """Standard deviation and bias of a magnetometer, T; a filter divides by the square of the first."""

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxsat.core.declaration.requirements import comparisons
+from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS
 from jaxsat.core.text import number_text
 from jaxsat.report.document import Cell, Shown, Table
 from jaxsat.report.facts import scenario_tables
@@ -67,9 +68,7 @@ def _judgement(dataset: Dataset, scenario: dict, requirement: RequirementTable) 
     if missing := raw_signals(formula) - set(dataset.data_vars):
         return RunMargin(requirement.id, sentence, math.nan, "", min(missing), math.nan)
     signals = {name: np.asarray(dataset[name].values) for name in raw_signals(formula)}
-    failures = dataset.attrs.get("drawn_failure_time")
-    if failures is None:
-        failures = [float(one["at_s"]) for one in scenario.get("failure", ())]
+    failures = _failure_times(dataset, scenario)
     needs_sun = any(one.signal == "sun_angle" for one in comparisons(formula))
     light = _light(scenario) if needs_sun else None
     margin = saved_margin(formula, dataset["time"].values, signals, np.ravel(failures), light)
@@ -82,6 +81,16 @@ def _judgement(dataset: Dataset, scenario: dict, requirement: RequirementTable) 
         decisive.signal,
         float(margin.time),
     )
+
+
+def _failure_times(dataset: Dataset, scenario: dict) -> np.ndarray:
+    """Times (s) of all failures of actuators and sensors, as drawn for the case of a study."""
+    tables, sensors = scenario.get("failure", ()), [one.name for one in ATTITUDE_SENSORS]
+    each = []
+    for name, of_sensors in (("drawn_failure_time", False), ("drawn_sensor_failure_time", True)):
+        declared = [float(one["at_s"]) for one in tables if (one["of"] in sensors) == of_sensors]
+        each.append(np.ravel(dataset.attrs.get(name, declared)))
+    return np.concatenate(each)
 
 
 def _light(scenario: dict) -> Sunlight:

@@ -15,7 +15,7 @@ from jaxsat.report.requirements import judgements, requirement_table
 from jaxsat.report.run_plots import has_effectors, shown_unit
 from jaxsat.report.saturation import AT_LIMIT, saturation_sentences
 from jaxsat.report.shares import momentum_budget
-from jaxsat.report.timeline import failures_of
+from jaxsat.report.timeline import exclusions, failures_of
 from jaxsat.store.dataset import errors_of, time_at_rest, time_to_settle
 from jaxsat.store.labelled import Dataset
 
@@ -53,7 +53,7 @@ def until_end(dataset: Dataset) -> Dataset:
 def run_verdict(
     dataset: Dataset, scenario: Mapping[str, Any], failures: Sequence[tuple[float, str]]
 ) -> Verdict:
-    """Return the verdict: settling time, tolerances, law, and failures."""
+    """Return the verdict: settling time, tolerances, law, failures, and excluded sensors."""
     law = str(scenario.get("control", {}).get("law", "unknown"))
     rates = float(np.linalg.norm(dataset["omega"].values[-1]))
     ends = [f"|ω| = {number_text(rates, 3, scale=_summed_rates(dataset))} rad/s"]
@@ -63,7 +63,8 @@ def run_verdict(
         error = float(dataset["pointing_error_total"].values[-1])
         ends.insert(0, f"pointing error {number_text(error, 3)}°")
     end = f"{number_text(float(dataset['time'].values[-1]), 6)} s"
-    more = [f"{capitalised(what)} at {number_text(at, 6)} s." for at, what in failures]
+    events = [*failures, *exclusions(dataset)]
+    more = [f"{capitalised(what)} at {number_text(at, 6)} s." for at, what in events]
     more += [*share_sentence(dataset), *saturation_sentences(dataset, scenario)]
     if unmet := _unmet_torque(dataset, scenario, _peak_torque(dataset)):
         more.append(f"Unmet torque: {unmet}.")

@@ -19,12 +19,13 @@ MOST_VERDICTS = 6
 
 
 def timeline_of(dataset: Dataset) -> Timeline:
-    """Return failures, alarms and verdicts of a run, and spans of unusual modes of its law.
+    """Return failures, alarms, verdicts and excluded sensors, and spans of unusual modes.
 
     The usual mode is 0 or, without one, the mode in which the run ends.
     """
     time = dataset["time"].values
-    marks = [*failures_of(scenario_tables(dataset), time), *verdicts(dataset)]
+    failures = failures_of(scenario_tables(dataset), time)
+    marks = [*failures, *verdicts(dataset), *exclusions(dataset)]
     names, modes = mode_names(dataset), dataset["mode"].values
     last = modes[np.isfinite(modes)][-1:]
     usual = 0 if 0 in names else int(last.sum())
@@ -40,7 +41,7 @@ def subject_title(dataset: Dataset, subject: str) -> str:
 def failures_of(scenario: Mapping[str, Any], times: np.ndarray) -> list[tuple[float, str]]:
     """Return times (s) and names of failures up to the last time, such as (300, "wheel 2 dead")."""
     return sorted(
-        (at, f"{table.get('of', '')} {table.get('kind', 'fails')}")
+        (at, f"{words_of(table.get('of', ''))} {table.get('kind', 'fails')}")
         for table in scenario.get("failure", ())
         if (at := float(table.get("at_s", 0.0))) <= times[-1]
     )
@@ -61,6 +62,24 @@ def verdicts(dataset: Dataset) -> list[tuple[float, str]]:
             verdict = f"isolated, {DIAGNOSED[int(kind)]}" if kind >= 0 else "works again"
             events.append((float(time[row + 1]), f"{names[place]}: {verdict}"))
     return sorted(events)[:MOST_VERDICTS]
+
+
+def words_of(part: str) -> str:
+    """Return what `of` of a failure names, a sensor in words: "star tracker"."""
+    return part if " " in part else part.replace("_", " ")
+
+
+def exclusions(dataset: Dataset) -> list[tuple[float, str]]:
+    """Return times (s) and names of the sensors that the filter excluded, at the saved times."""
+    if "sensor_excluded" not in dataset:
+        return []
+    excluded, time = dataset["sensor_excluded"], dataset["time"].values
+    names = dataset[str(excluded.dims[-1])].values
+    return sorted(
+        (float(time[np.argmax(column == 1)]), f"{words_of(str(name))} excluded")
+        for name, column in zip(names, excluded.values.T, strict=True)
+        if (column == 1).any()
+    )
 
 
 def diagnosed_part(dataset: Dataset) -> str:

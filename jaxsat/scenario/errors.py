@@ -12,7 +12,7 @@ Location = tuple[str | int, ...]
 MAX_LISTED = 20
 """Largest number of problems in the text of a `ScenarioError`."""
 
-MAX_PLACE_LENGTH, MAX_MESSAGE_LENGTH = 200, 1500
+MAX_PLACE_LENGTH, MAX_MESSAGE_LENGTH = 200, 2000
 """Largest number of characters of a source or a key, and of a message."""
 
 

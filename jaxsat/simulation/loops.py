@@ -283,3 +283,9 @@ def parts_of(kind: type[Part], tree: PyTree) -> list[Part]:
 def failures_of(loop: AbstractLoop) -> list[AbstractFailures]:
     """The failures in flight of a loop, effector by effector."""
     return parts_of(AbstractFailures, loop.plant.effectors)
+
+
+def sensor_failures_of(loop: AbstractLoop) -> list[AbstractFailures]:
+    """The failures in flight of the sensors of a loop."""
+    navigation = getattr(loop, "navigation", None)
+    return [] if navigation is None or navigation.failures is None else [navigation.failures]

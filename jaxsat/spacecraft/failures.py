@@ -66,12 +66,15 @@ class AbstractFailures(eqx.Module):
     @classmethod
     def of_tables(cls, failures: Sequence[tuple[int, Any]]) -> Any:
         """Return the failures of `EffectorContext.failures`; None without any."""
-        if not failures:
-            return None
+        return cls(*cls.columns_of(failures)) if failures else None
+
+    @classmethod
+    def columns_of(cls, failures: Sequence[tuple[int, Any]]) -> tuple[list, list, list, list]:
+        """Return number, time, kind and amount of each of `EffectorContext.failures`."""
         kind = [failure_kind(cls.kinds, table) for _, table in failures]
         number, at = [number for number, _ in failures], [table.at_s for _, table in failures]
         amount = [one.amount(table) for one, (_, table) in zip(kind, failures, strict=True)]
-        return cls(number, at, kind, amount)
+        return number, at, kind, amount
 
     @property
     def count(self) -> int:

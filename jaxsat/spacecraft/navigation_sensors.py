@@ -208,11 +208,15 @@ class StarTracker(eqx.Module):
         """Standard deviations (rad) about the three `axes`."""
         return jnp.stack([self.across, self.across, self.along])
 
+    def is_due(self, sample: IntScalar, period: RealScalar) -> BoolScalar:
+        """Whether there is a measurement at this sample unless the tracker is blind."""
+        due = sample % self.every == 0
+        works = outside_outages(sample, period, self.outage_start, self.outage, self.outage_every)
+        return due if works is None else due & works
+
     def measures(self, sample: IntScalar, period: RealScalar, omega: Vector) -> BoolScalar:
         """Whether the tracker measures at this sample; samples are `period` s apart."""
-        has_fix = (sample % self.every == 0) & (jnp.sum(omega**2) <= self.rate_limit**2)
-        works = outside_outages(sample, period, self.outage_start, self.outage, self.outage_every)
-        return has_fix if works is None else has_fix & works
+        return self.is_due(sample, period) & (jnp.sum(omega**2) <= self.rate_limit**2)
 
     def arriving(self, queue: Queue) -> Queue:
         """Return the measurement that arrives now from a queue of the last `latency` + 1."""

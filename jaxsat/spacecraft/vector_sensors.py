@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, UInt32
 
-from jaxsat.core.array_types import IntScalar, RealScalar, Vector
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import (
     as_array,
@@ -123,12 +123,17 @@ class VectorSensor(eqx.Module):
         noise = self.noise * sample_noise(own, sample, 3, vector.dtype)
         turned = vector - jnp.cross(self.misalignment, vector)
         measured = (1 + self.scale_factor) * turned + self.bias + noise
-        seen = (sample % self.every == 0) & (light > 0)
+        seen = self.is_due(sample, period) & (light > 0)
         if self.half_angle is not None:
             middle = self.boresight / jnp.sqrt(jnp.sum(self.boresight**2))
             seen = seen & (middle @ vector >= cos(self.half_angle))
+        return Observation(measured, reference, seen)
+
+    def is_due(self, sample: IntScalar, period: RealScalar) -> BoolScalar:
+        """Whether there is a measurement at this sample of what is visible."""
+        due = sample % self.every == 0
         works = outside_outages(sample, period, self.outage_start, self.outage, self.outage_every)
-        return Observation(measured, reference, seen if works is None else seen & works)
+        return due if works is None else due & works
 
 
 def magnetometer(values: Mapping[str, Any], context: SensorContext) -> VectorSensor:

@@ -20,6 +20,7 @@ from jaxsat.store.files import OutputError, one_line
 from jaxsat.store.labelled import Dataset, LabelledArray, LabelledArrays
 from jaxsat.store.labels import (
     ALL_PARTS,
+    ATTITUDE_SENSOR,
     AXES,
     DIAGNOSED_PARTS,
     ERRORS,
@@ -28,6 +29,7 @@ from jaxsat.store.labels import (
     TOTALS,
     VARIABLES,
     Label,
+    attitude_sensor_names,
     part_names,
 )
 from jaxsat.store.marker import read_unchanged
@@ -95,6 +97,8 @@ def trajectory_arrays(
             names = part_names(scenario, axis, sizes[axis])
             are_numbers = all(name.isdecimal() for name in names)
             labels[axis] = [int(name) for name in names] if are_numbers else names
+    if ATTITUDE_SENSOR in sizes:
+        labels[ATTITUDE_SENSOR] = attitude_sensor_names(scenario, sizes[ATTITUDE_SENSOR])
     if ALL_PARTS in sizes:
         kinds = [(kind, variables[name].values.shape[-1]) for kind, name in DIAGNOSED_PARTS.items()]
         labels[ALL_PARTS] = [

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from jaxsat.core.declaration.actuators import PARTS as DECLARED
+from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS
 
 AXES: dict[str, tuple[str, ...]] = {
     "body_axis": ("x", "y", "z"),
@@ -28,6 +29,9 @@ ALL_PARTS = "actuator"
 
 DIAGNOSED_PARTS = {"thruster": "thrust_level", "wheel": "wheel_momentum"}
 """Kinds along `ALL_PARTS`, each with a variable that has a component for every part."""
+
+ATTITUDE_SENSOR = "attitude_sensor"
+"""Axis of quantities of the attitude sensors of a scenario, in this order."""
 
 SETTLED, UNSETTLED = "settled", "unsettled"
 """Outcomes of a case that reached its end; any other has the name of its failure."""
@@ -97,6 +101,12 @@ VARIABLES = {
     "bias_estimate_3sigma": Label(
         ("body_axis",), "rad s-1", "three standard deviations that the estimator claims of the same"
     ),
+    "innovation": Label(
+        (ATTITUDE_SENSOR,),
+        "1",
+        "normalised square of the innovation of the last reading, over the threshold of rejection",
+    ),
+    "sensor_excluded": Label((ATTITUDE_SENSOR,), "1", "1 for a sensor that the filter excludes"),
 }
 """Signals, each over `time`; those from `constraint_torque` on only with such a torque, device (a
 two-sided thruster counts as two) or estimate."""
@@ -163,6 +173,13 @@ def part_names(scenario: str, kind: str, count: int) -> list[str]:
         if len(names) == count:
             return distinct(names)
     return [str(number + 1) for number in range(count)]
+
+
+def attitude_sensor_names(scenario: str, count: int) -> list[str]:
+    """Return the names of the attitude sensors of a scenario (TOML), or numbers from 1."""
+    tables = tomllib.loads(scenario)
+    names = [one.name for one in ATTITUDE_SENSORS if one.name in tables]
+    return names if len(names) == count else [str(number + 1) for number in range(count)]
 
 
 def distinct(names: Sequence[str]) -> list[str]:

@@ -21,7 +21,7 @@ from jaxsat.core.declaration.disturbances import DISTURBANCES
 from jaxsat.core.declaration.keys import DispersibleQuantity
 from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.core.declaration.sensors import SENSED
-from jaxsat.simulation.loops import AbstractLoop, failures_of, parts_of
+from jaxsat.simulation.loops import AbstractLoop, failures_of, parts_of, sensor_failures_of
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dispersible import Dispersible, Limits
 from jaxsat.spacecraft.effector import AbstractEffector
@@ -142,12 +142,15 @@ def _of_effector(kind: str, one: DispersibleQuantity) -> Quantity:
 
 
 def _of_failures(
-    field: str, limits: Callable[[AbstractLoop], Limits], part: str | None = None
+    field: str,
+    limits: Callable[[AbstractLoop], Limits],
+    part: str | None = None,
+    every: Callable[[AbstractLoop], list[AbstractFailures]] = failures_of,
 ) -> Quantity:
-    """Quantity that is a field of all failures, or of one kind of actuator: one number for each."""
+    """Quantity that is a field of `every` failure, or of one kind of part: one number for each."""
 
     def failures(loop: AbstractLoop) -> list[AbstractFailures]:
-        return [one for one in failures_of(loop) if part in (None, one.part)]
+        return [one for one in every(loop) if part in (None, one.part)]
 
     def fields(loop: AbstractLoop) -> list:
         return [getattr(one, field) for one in failures(loop)]
@@ -157,7 +160,7 @@ def _of_failures(
         return in_loop(perturbed, fields, jnp.split(values, ends))
 
     def obstacle(loop: AbstractLoop) -> str | None:
-        which = "" if part is None else f" of a {part}"
+        which = " of an actuator" if part is None else f" of a {part}"
         return None if failures(loop) else f"the scenario has no failure{which} in flight"
 
     return Quantity(apply, limits, lambda loop: sum(one.count for one in failures(loop)), obstacle)
@@ -258,6 +261,9 @@ _QUANTITIES: dict[str, Quantity] = {
     "tracker_update_period": _of_tracker("every", 1, _update_period_limits, _needs_tracker),
     "tracker_latency": _of_tracker("arrival", 0, _latency_limits, _needs_latency),
     "failure_time": _of_failures("at", between(ranges.FROM_ZERO)),
+    "sensor_failure_time": _of_failures(
+        "at", between(ranges.FROM_ZERO), "sensor", sensor_failures_of
+    ),
     "failure_kind": _of_failures("kind", _kind_limits),
     "failure_amount": _of_failures("amount", _amount_limits),
     "delay": Quantity(

@@ -87,6 +87,9 @@ OF_SENSORS = ("gyro", "tracker", "magnetometer", "sun_sensor", "horizon_sensor")
 SENSORS = {name for name in QUANTITIES if name.startswith(OF_SENSORS)}
 """Of loops with an estimator: tests/control/navigation/test_dispersed_sensors.py."""
 
+FAILING_SENSORS = {"sensor_failure_time"}
+"""In tests/scenario/build/test_failing_sensors.py."""
+
 MAGNETORQUERS = {"dipole_limit", "magnetorquer_misalignment", "failed_magnetorquer"}
 GYROS = {"rotor_momentum", "failed_gimbal"}
 """In tests/scenario/test_gimbals.py."""
@@ -95,7 +98,7 @@ MODES = {"mode_coupling", "mode_frequency", "mode_damping"}
 """In tests/scenario/test_flexible_modes.py."""
 
 OTHERWISE = {"misalignment", "attitude_error", "rate_error", "wheel_momentum", "rotor_inertia"}
-OTHERWISE |= {*FAILURES, *SENSORS, *MAGNETORQUERS, *GYROS, *MODES}
+OTHERWISE |= {*FAILURES, *SENSORS, *FAILING_SENSORS, *MAGNETORQUERS, *GYROS, *MODES}
 
 
 def test_every_quantity_has_its_test():

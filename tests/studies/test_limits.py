@@ -66,6 +66,7 @@ BEYOND = {
     "mode_frequency": (-1.1, 1e7),
     "mode_damping": (-1.1, 1e4),
     "wheel_momentum": (-21.0, 21.0),
+    "sensor_failure_time": (-1.0, 2e8),
     "failure_kind": (-0.6, 6.6),
     "failure_amount": (-0.1, 1.1),
     "gyro_noise_density": (-1e-9, 2e3),
@@ -139,8 +140,13 @@ MODES = (
 )
 
 
+FAILING = ("failure=[{of='star_tracker',at_s=5.0,kind='stuck'}]",)
+
+
 def scenario(name):
     """The scenario in which a quantity may be drawn: its name, and what is changed in it."""
+    if name == "sensor_failure_time":
+        return "switching", (*scenario("gyro")[1], *FAILING)
     if name in OF_RODS:
         return "cubesat-12u", RODS
     if name in OF_GYROS:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import PyTree
+from jaxtyping import Array, Float, PyTree
 
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
@@ -83,7 +83,10 @@ class Estimate(NamedTuple):
 
     The attitude is relative to the orbit frame, `omega` the inertial rate (rad/s), `bias` that of
     the gyro (rad/s). The sigmas are the computed standard deviations of the errors of attitude
-    (rad), rate and bias (rad/s) about each axis. None marks values that are not estimated.
+    (rad), rate and bias (rad/s) about each axis. For star tracker, magnetometer, Sun sensor and
+    horizon sensor, without absent ones, `innovation` is the normalised square of the innovation of
+    the last reading, over the threshold above which it is rejected, and `excluded` 1 for a sensor
+    that is excluded, else 0. None marks values that are not estimated.
     """
 
     attitude: Quaternion
@@ -92,6 +95,8 @@ class Estimate(NamedTuple):
     attitude_sigma: Vector | None = None
     rate_sigma: Vector | None = None
     bias_sigma: Vector | None = None
+    innovation: Float[Array, " sensors"] | None = None
+    excluded: Float[Array, " sensors"] | None = None
 
 
 class EstimatorContext(NamedTuple):

@@ -1,5 +1,6 @@
 """A multiplicative extended Kalman filter: attitude error and gyro bias, six states."""
 
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -16,6 +17,7 @@ from jaxsat.control.navigation.estimator import (
     rotation,
     towards,
 )
+from jaxsat.control.navigation.innovation import InnovationRecord, InnovationTest
 from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.trees import apart
@@ -41,10 +43,14 @@ class Belief(NamedTuple):
 
 
 class KalmanMemory(NamedTuple):
-    """The belief at the sample of the latest arrivals, and the rates since (rad/s)."""
+    """The belief at the sample of the latest arrivals, and the rates since (rad/s).
+
+    `record` is that of the innovation test, None without one.
+    """
 
     belief: Belief
     rates: Float[Array, "samples 3"]
+    record: InnovationRecord | None = None
 
 
 class MultiplicativeFilter(AbstractEstimator):
@@ -64,7 +70,7 @@ class MultiplicativeFilter(AbstractEstimator):
     deviations of the sensors of vectors, in their units, and `vector_latency` is their latency in
     samples. A rate at the gyro's limit is treated as unknown within that limit, so that the next
     measurement decides. Scale factors and misalignments are not estimated, nor is the bias of a
-    magnetometer.
+    magnetometer. With a `test` the filter leaves out what does not agree with its prediction.
     """
 
     orbit: AbstractOrbit
@@ -72,6 +78,7 @@ class MultiplicativeFilter(AbstractEstimator):
     tracker: StarTracker | None
     vector_noise: tuple[RealScalar, ...] = ()
     vector_latency: int = eqx.field(static=True, default=0)
+    test: InnovationTest | None = None
 
     @property
     def latency(self) -> int:
@@ -87,7 +94,11 @@ class MultiplicativeFilter(AbstractEstimator):
         zero = jnp.zeros_like(identity)
         bias = identity * (self.gyro.bias_sigma**2 + self.gyro.bias**2)[:, None]
         belief = Belief(attitude.q, zero[0], sigma**2 * identity, zero, bias, zero, zero)
-        return KalmanMemory(belief, jnp.zeros((self.latency + 1, 3), zero.dtype))
+        record = None
+        if self.test is not None:
+            sensors = len(self.vector_noise) + (self.tracker is not None)
+            record = self.test.init(sensors, zero.dtype)
+        return KalmanMemory(belief, jnp.zeros((self.latency + 1, 3), zero.dtype), record)
 
     def step(
         self, sample: IntScalar, period: RealScalar, measurement: Measurement, memory: KalmanMemory
@@ -102,11 +113,16 @@ class MultiplicativeFilter(AbstractEstimator):
             arguments = (rates[number], rates[number + 1], length, period)
             return apart(_moved, self, belief, *arguments)
 
-        belief = apart(_corrected, self, moved(0, memory.belief), measurement)
+        predicted = moved(0, memory.belief)
+        belief, record = apart(_corrected, self, predicted, measurement, memory.record)
         now = belief
         if self.latency:
             now = jax.lax.fori_loop(1, self.latency + 1, moved, belief)
-        return self._estimate(now, measurement.rate, period), KalmanMemory(belief, rates[1:])
+        estimate = self._estimate(now, measurement.rate, period)
+        if self.test is not None and record is not None:
+            excluded = self.test.excluded(record)
+            estimate = estimate._replace(innovation=record.innovation, excluded=excluded)
+        return estimate, KalmanMemory(belief, rates[1:], record)
 
     def moved(
         self, belief: Belief, begin: Vector, end: Vector, length: RealScalar, period: RealScalar
@@ -139,19 +155,43 @@ class MultiplicativeFilter(AbstractEstimator):
             jnp.zeros_like(after),
         )
 
-    def corrected(self, belief: Belief, measurement: Measurement) -> Belief:
-        """The belief after the available measurements of attitude and vectors."""
+    def corrected(
+        self, belief: Belief, measurement: Measurement, record: InnovationRecord | None
+    ) -> tuple[Belief, InnovationRecord | None]:
+        """The belief after the available measurements of attitude and vectors, and the record."""
         tracker, attitude, valid = self.tracker, measurement.attitude, measurement.seen
+        sensor, test = 0, self.test
         if tracker is not None and attitude is not None and valid is not None:
             off = difference(Quaternion(belief.q), attitude)
             variances = tuple(sigma**2 for sigma in tracker.deviations)
-            belief = _taken_in(belief, off, tracker.axes, variances, valid)
+            limit = None if test is None else test.attitude_threshold
+            turn = (off, tracker.axes, variances, valid)
+            belief, record = self._tested(belief, turn, record, sensor, limit)
+            sensor += 1
+        limit = None if test is None else test.vector_threshold
         for sigma, one in zip(self.vector_noise, measurement.vectors, strict=True):
             expected = Quaternion(belief.q).as_dcm().matrix @ one.reference
             rows = jnp.cross(jnp.eye(3, dtype=expected.dtype), expected[None])  # of [v x]
             off, variances = towards(expected, one.measured), (sigma**2,) * 3
-            belief = _taken_in(belief, off, rows, variances, one.seen)
-        return belief
+            turn = (off, rows, variances, one.seen)
+            belief, record = self._tested(belief, turn, record, sensor, limit)
+            sensor += 1
+        return belief, record
+
+    def _tested(
+        self,
+        belief: Belief,
+        turn: tuple[Vector, Matrix, tuple[RealScalar, ...], BoolScalar],
+        record: InnovationRecord | None,
+        sensor: int,
+        limit: RealScalar | None,
+    ) -> tuple[Belief, InnovationRecord | None]:
+        """The belief after a reading of a sensor, given as `_taken_in` takes it, if it passes."""
+        after, square = _taken_in(belief, *turn)
+        if self.test is None or record is None or limit is None:
+            return after, record
+        used, record = self.test.judged(record, sensor, square, limit, turn[-1])
+        return jax.tree.map(partial(jnp.where, used), after, belief), record
 
     def _turned(self, q, turn: Quaternion, half) -> Float[Array, "4"]:
         """The attitude after the body's turn, with the orbit frame's own split around it."""
@@ -178,24 +218,33 @@ def _moved(estimator: MultiplicativeFilter, belief: Belief, *arguments: Array) -
 
 
 @eqx.filter_jit
-def _corrected(estimator: MultiplicativeFilter, belief: Belief, measurement: Measurement) -> Belief:
-    return estimator.corrected(belief, measurement)
+def _corrected(
+    estimator: MultiplicativeFilter,
+    belief: Belief,
+    measurement: Measurement,
+    record: InnovationRecord | None,
+) -> tuple[Belief, InnovationRecord | None]:
+    return estimator.corrected(belief, measurement, record)
 
 
 def _taken_in(
     belief: Belief, off: Vector, axes: Matrix, variances: tuple[RealScalar, ...], seen: BoolScalar
-) -> Belief:
+) -> tuple[Belief, RealScalar]:
     """The belief after measurement of a small rotation (rad) by its components along `axes`.
 
-    Each has a variance, in (rad times the length of its axis)².
+    Each has a variance, in (rad times the length of its axis)². The second result is the normalised
+    square of the innovation: the sum of those of the components, each given the ones before.
     """
     attitude, bias = jnp.zeros_like(belief.b), jnp.zeros_like(belief.b)
+    square = jnp.zeros_like(attitude[0])
     for axis, variance in zip(axes, variances, strict=True):
         belief, gains, scale = _narrowed(belief, axis, variance, seen)
-        surprise = scale * (axis @ (off - attitude))
+        innovation = axis @ (off - attitude)
+        surprise = scale * innovation
+        square = square + surprise * innovation
         attitude, bias = attitude + surprise * gains[0], bias + surprise * gains[1]
     q = Quaternion(belief.q).turned(attitude).q
-    return belief._replace(q=q, b=belief.b + bias)
+    return belief._replace(q=q, b=belief.b + bias), square
 
 
 def _narrowed(

@@ -22,6 +22,7 @@ from jaxsat.core.checks import as_float, not_negative
 from jaxsat.core.noise import fold_in, name_number, sample_noise
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
+from jaxsat.spacecraft.sensor_failures import SensorFailures, SensorReading
 from jaxsat.spacecraft.sensors import as_key, in_parameters_of
 from jaxsat.spacecraft.vector_sensors import Observation, VectorSensor
 
@@ -41,13 +42,15 @@ class NavigationState(NamedTuple):
     """The gyro's bias (rad/s), undelivered measurements, and the estimator's memory.
 
     The oldest undelivered one is first; None for sensors without latency. `rate` is the last valid
-    measurement of the gyro (rad/s), None where all are valid.
+    measurement of the gyro (rad/s), None where all are valid. `last` is the last reading of each
+    attitude sensor, None where none fails.
     """
 
     bias: Vector
     waiting: Delivery | None
     memory: PyTree
     rate: Vector | None = None
+    last: Delivery | None = None
 
 
 class Told(NamedTuple):
@@ -71,7 +74,8 @@ class Navigation(eqx.Module):
     The measurements of all attitude sensors at a sample are delivered together, when the slowest
     has arrived. At least one is given: `tracker`, `magnetometer`, `sun_sensor`, `horizon_sensor`.
     `attitude_sigma` (rad) is the standard deviation of the first estimate about each axis. All
-    randomness is a function of `key` (two 32-bit words) and of the sample's number.
+    randomness is a function of `key` (two 32-bit words) and of the sample's number. `failures`
+    number the attitude sensors that are given, in this order.
     """
 
     gyro: Gyro
@@ -82,6 +86,7 @@ class Navigation(eqx.Module):
     magnetometer: VectorSensor | None = None
     sun_sensor: VectorSensor | None = None
     horizon_sensor: VectorSensor | None = None
+    failures: SensorFailures | None = None
 
     def __check_init__(self):
         if self.tracker is None and not self.vectors:
@@ -103,7 +108,8 @@ class Navigation(eqx.Module):
         if count:
             waiting = jax.tree.map(lambda part: jnp.stack([part] * count), self._nothing(true))
         rate = None if self.gyro.outage is None else jnp.zeros_like(state.omega)
-        return NavigationState(self.gyro.first_bias(noise[:3]), waiting, memory, rate)
+        last = None if self.failures is None else self._nothing(true)
+        return NavigationState(self.gyro.first_bias(noise[:3]), waiting, memory, rate, last)
 
     def step(
         self, sample: IntScalar, period: RealScalar, plant: PlantState, state: NavigationState
@@ -118,6 +124,7 @@ class Navigation(eqx.Module):
         if valid is not None and state.rate is not None:
             rate = jnp.where(valid, rate, state.rate)
         arriving, waiting = self._measured(sample, period, plant, noise[6:]), state.waiting
+        arriving, readings = self._with_failures(sample, period, arriving, state.last)
         if waiting is not None:
             queue = jax.tree.map(
                 lambda old, new: jnp.concatenate([old, new[None]]), waiting, arriving
@@ -129,7 +136,7 @@ class Navigation(eqx.Module):
         estimate, memory = self.estimator.step(sample, period, measurement, state.memory)
         bias = self.gyro.next_bias(state.bias, noise[3:6], period)
         last = None if state.rate is None else rate
-        return estimate, NavigationState(bias, waiting, memory, last)
+        return estimate, NavigationState(bias, waiting, memory, last, readings)
 
     def example(self) -> Measurement:
         """A measurement with the array shapes of this navigation."""
@@ -156,6 +163,34 @@ class Navigation(eqx.Module):
             return Delivery(None, None, vectors)
         attitude = self.tracker.measured(true, noise)
         return Delivery(attitude.q, self.tracker.measures(sample, period, plant.omega), vectors)
+
+    def _with_failures(
+        self, sample: IntScalar, period: RealScalar, new: Delivery, last: Delivery | None
+    ) -> tuple[Delivery, Delivery | None]:
+        """What the sensors read with their failures in place of `new`, and their last readings."""
+        failures = self.failures
+        if failures is None or last is None:
+            return new, None
+        count = len(self.vectors) + (self.tracker is not None)
+        conditions = list(failures.conditions(sample, period, self.key, count))
+        read, kept = {}, {}
+        if self.tracker is not None:
+            readings = (SensorReading(one.attitude, one.seen) for one in (new, last))
+            due = self.tracker.is_due(sample, period)
+            pair = failures.attitude(conditions.pop(0), *readings, due, period)
+            for each, one in zip((read, kept), pair, strict=True):
+                each.update(attitude=one.value, seen=one.seen)
+        vectors = zip(self.vectors, conditions, new.vectors, last.vectors, strict=True)
+        pairs = []
+        for sensor, condition, *observations in vectors:
+            readings = (SensorReading(one.measured, one.seen) for one in observations)
+            pair = failures.vector(condition, *readings, sensor.is_due(sample, period))
+            reference = observations[0].reference
+            pairs.append([Observation(one.value, reference, one.seen) for one in pair])
+        return (
+            new._replace(**read, vectors=tuple(one for one, _ in pairs)),
+            last._replace(**kept, vectors=tuple(one for _, one in pairs)),
+        )
 
     def _arriving(self, queue: Delivery) -> Delivery:
         """The present delivery from the queue of present and earlier measurements."""
@@ -186,6 +221,7 @@ def _errors(plant: PlantState, bias: Vector, estimate: Estimate) -> dict[str, Ve
         "rate": estimate.rate_sigma,
         "bias": estimate.bias_sigma,
     }
+    tests = {"innovation": estimate.innovation, "sensor_excluded": estimate.excluded}
     errors = {f"{name}_estimate_error": one for name, one in off.items() if one is not None}
     bounds = {f"{n}_estimate_3sigma": 3 * one for n, one in claimed.items() if one is not None}
-    return errors | bounds
+    return errors | bounds | {name: one for name, one in tests.items() if one is not None}

@@ -1,4 +1,4 @@
-"""Kinds of failure of actuators, with their text in a scenario, number and meaning.
+"""Kinds of failure of actuators and sensors, with their text in a scenario, number and meaning.
 
 The number is used in compiled programs, in the codes of stores, and in draws of a study.
 """
@@ -33,8 +33,8 @@ TURN = number(
 class AbstractFailureKind(enum.IntEnum):
     """A kind of failure: its number, its `text` in a scenario, and its `meaning`.
 
-    `amounts` are declared keys of `[[failure]]`, one of which gives the amount; empty for a kind
-    without an amount.
+    `amounts` are declared keys of `[[failure]]`, all of which give the amount; empty for a kind
+    without an amount. Kinds with the same text are alternatives.
     """
 
     text: str
@@ -60,7 +60,7 @@ class AbstractFailureKind(enum.IntEnum):
 
     @property
     def one_number(self) -> bool:
-        """Whether the amount is one number; a turn has three, and most kinds have none."""
+        """Whether the amount begins with one number; a turn has three, and most kinds have none."""
         sizes = (one.kind.size for one in self.amounts if isinstance(one.kind, Numeric))
         return bool(self.amounts) and not any(sizes)
 

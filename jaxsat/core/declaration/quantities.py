@@ -50,6 +50,10 @@ FAILURES = (
     ),
 )
 
+SENSOR_FAILURE_TIME = DispersibleQuantity(
+    "sensor_failure_time", "time at which each [[failure]] of a sensor strikes", "s"
+)
+
 DELAY = DispersibleQuantity("delay", "time that the controller takes to compute", "s")
 
 START = (
@@ -99,6 +103,7 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
             *BELIEF,
             *(one for part in SENSED.values() for one in part.quantities),
             *FAILURES,
+            SENSOR_FAILURE_TIME,
             DELAY,
             *START,
             *_of_parts("start"),

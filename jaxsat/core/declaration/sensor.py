@@ -5,8 +5,48 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from jaxsat.core.declaration.failures import AbstractFailureKind
 from jaxsat.core.declaration.keys import Key, PartDeclaration, number
-from jaxsat.core.ranges import FROM_ZERO, MISALIGNMENT, SECONDS, Range
+from jaxsat.core.ranges import (
+    FROM_ZERO,
+    GYRO_BIAS,
+    MISALIGNMENT,
+    PROBABILITY,
+    SECONDS,
+    TRACKER_NOISE,
+    Range,
+)
+
+DRIFT = number(
+    "drift_rad_s",
+    "Rate at which its readings turn, body axes",
+    "rad/s",
+    within=GYRO_BIAS,
+    size=3,
+    default=None,
+)
+SPIKE = number(
+    "spike_rad",
+    "Standard deviation of the turn of a spike about each body axis",
+    "rad",
+    within=TRACKER_NOISE,
+    default=None,
+)
+SPIKE_PROBABILITY = number(
+    "spike_probability",
+    "Probability that a reading is a spike",
+    within=PROBABILITY,
+    default=None,
+)
+
+
+class SensorFailureKind(AbstractFailureKind):
+    """Kinds of failure of a sensor of the attitude."""
+
+    DEAD = 0, "dead", "it measures nothing any more"
+    STUCK = 1, "stuck", "it repeats its last reading"
+    DRIFTING = 2, "drifting", "its readings turn by drift_rad_s more and more", DRIFT
+    SPIKING = 3, "spiking", "readings drawn at random are turned", SPIKE, SPIKE_PROBABILITY
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,12 +58,14 @@ class SensorDeclaration(PartDeclaration):
     - `place`: the attribute of a sampled loop that has the sensor.
     - `maker`: "module:Class.method" of the function that returns the sensor from a checked table
       and a `SensorContext`. Imports happen at first use.
+    - `kinds`: kinds of failure in flight, members of `SensorFailureKind`.
     """
 
     name: str
     meaning: str
     place: str
     maker: str
+    kinds: tuple[SensorFailureKind, ...] = ()
 
     def made(self, table: Mapping[str, Any], context: Any) -> Any:
         """Return the sensor of a checked table in a `SensorContext`."""

@@ -3,6 +3,7 @@
 from jaxsat.core.declaration.keys import DispersibleQuantity, Key, PartDeclaration, number
 from jaxsat.core.declaration.sensor import (
     SensorDeclaration,
+    SensorFailureKind,
     boresight,
     measurement_times,
     misalignment,
@@ -122,6 +123,7 @@ STAR_TRACKER = SensorDeclaration(
     place="navigation.tracker",
     maker="jaxsat.spacecraft.navigation_sensors:StarTracker.from_table",
     summary="star tracker",
+    kinds=tuple(SensorFailureKind),
     keys=(
         number(
             "across_rad",
@@ -203,6 +205,7 @@ MAGNETOMETER = SensorDeclaration(
     place="navigation.magnetometer",
     maker="jaxsat.spacecraft.vector_sensors:magnetometer",
     summary="magnetometer",
+    kinds=tuple(SensorFailureKind),
     keys=(
         *_common_keys(
             "magnetometer",
@@ -241,6 +244,7 @@ SUN_SENSOR = SensorDeclaration(
     place="navigation.sun_sensor",
     maker="jaxsat.spacecraft.vector_sensors:sun_sensor",
     summary="Sun sensor",
+    kinds=tuple(SensorFailureKind),
     keys=_direction_keys("sun_sensor"),
 )
 
@@ -250,6 +254,7 @@ HORIZON_SENSOR = SensorDeclaration(
     place="navigation.horizon_sensor",
     maker="jaxsat.spacecraft.vector_sensors:horizon_sensor",
     summary="horizon sensor",
+    kinds=tuple(SensorFailureKind),
     keys=_direction_keys("horizon_sensor"),
 )
 

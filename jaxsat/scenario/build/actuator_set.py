@@ -108,7 +108,8 @@ def fitting_laws(scenario: Scenario, judgement: Judgement) -> list[str]:
     names = LEFT[judgement.laws].laws
     if scenario.spacecraft.thruster_torque_axes is not None:
         names = tuple(name for name in names if name != FAULT_TOLERANT)
-    finds_failures = scenario.failure and (scenario.wheel or scenario.thruster)
+    strikes = any(not one.of_sensor for one in scenario.failure)
+    finds_failures = strikes and (scenario.wheel or scenario.thruster)
     first = (FAULT_TOLERANT,) if finds_failures else ()
     return list(dict.fromkeys(first + names))
 

@@ -6,18 +6,21 @@ from typing import Any
 import numpy as np
 
 from jaxsat.control.navigation.estimator import AbstractEstimator, EstimatorContext, RawMeasurements
+from jaxsat.control.navigation.innovation import InnovationTest
 from jaxsat.control.navigation.mekf import MultiplicativeFilter
 from jaxsat.control.navigation.navigation import Navigation
 from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float
-from jaxsat.core.declaration.sensors import SENSORS
+from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS, SENSORS
 from jaxsat.core.noise import key_of_seed
 from jaxsat.scenario.build.plant import orbit_of, orbit_rate, sensor_context
 from jaxsat.scenario.build.plugin_trial import made_part, require_estimates
 from jaxsat.scenario.derived import has_invalid_momenta
-from jaxsat.scenario.parts.sensors import EstimatorTable, OwnEstimatorTable, SamplingTable
+from jaxsat.scenario.parts.sensors import PATIENCE, EstimatorTable, OwnEstimatorTable, SamplingTable
 from jaxsat.scenario.plugins import ESTIMATOR, find_part
 from jaxsat.scenario.schema import Scenario
+from jaxsat.spacecraft.environment.orbit import AbstractOrbit
+from jaxsat.spacecraft.sensor_failures import SensorFailures
 from jaxsat.spacecraft.sensors import Sensors, Tachometers
 
 
@@ -79,11 +82,19 @@ def build_navigation(scenario: Scenario) -> Navigation | None:
         estimator=RawMeasurements(),
         attitude_sigma=table.attitude_sigma_rad,
         key=key_of_seed(scenario.simulation.seed),
+        failures=_failures(scenario, orbit),
         **sensors,
     )
     parts = (navigation.gyro, navigation.tracker, orbit, period, navigation.vectors)
     estimator = _estimator(table, EstimatorContext(*parts), navigation)
     return dataclasses.replace(navigation, estimator=estimator)
+
+
+def _failures(scenario: Scenario, orbit: AbstractOrbit) -> SensorFailures | None:
+    """Failures of the attitude sensors, numbered among those of the scenario."""
+    given = [one.name for one in ATTITUDE_SENSORS if getattr(scenario, one.name) is not None]
+    strikes = [(given.index(one.of), one) for one in scenario.failure if one.of in given]
+    return SensorFailures.from_tables(strikes, orbit)
 
 
 def _estimator(
@@ -98,8 +109,15 @@ def _estimator(
             context.tracker,
             tuple(one.noise for one in context.vectors),
             context.latency,
+            _test(table),
         )
     part, location = find_part(ESTIMATOR, table.kind), ("estimator", "kind")
     estimator = made_part(part, location, table, context)
     require_estimates(part, location, estimator, context.period, navigation.example())
     return estimator
+
+
+def _test(table: Any) -> InnovationTest | None:
+    """The test of innovations that a table `[estimator]` asks for; None without."""
+    probability = table.false_alarm_probability
+    return None if probability is None else InnovationTest(probability, table.patience or PATIENCE)

@@ -1,4 +1,4 @@
-"""`[[failure]]`: failures in flight, and cautions about ineffective ones."""
+"""`[[failure]]`: failures in flight of actuators and sensors, and cautions about them."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Literal
@@ -23,10 +23,15 @@ from jaxsat.scenario.wording import shown
 _IDEAL = "thruster of thruster_torque_axes"
 _BY_NAME = {one.name: one for one in ACTUATORS}
 _TABLES = tuple(_BY_NAME)
-_KINDS = {one.name: one.kinds for one in ACTUATORS} | {_IDEAL: IDEAL_KINDS}
-_KINDS_IN_WORDS = ". ".join(
-    f"Of a {name}: " + ", ".join(f'"{kind.text}" ({kind.meaning})' for kind in kinds)
+_SENSORS = {one.name: one.kinds for one in SENSORS if one.kinds}
+_KINDS = {one.name: one.kinds for one in ACTUATORS} | {_IDEAL: IDEAL_KINDS} | _SENSORS
+_WORDS = {
+    name: ", ".join(f'"{kind.text}" ({kind.meaning})' for kind in kinds)
     for name, kinds in _KINDS.items()
+}
+_KINDS_IN_WORDS = ". ".join(
+    f"Of a {' or '.join(name for name, other in _WORDS.items() if other == words)}: {words}"
+    for words in dict.fromkeys(_WORDS.values())
 )
 
 if TYPE_CHECKING:
@@ -48,16 +53,16 @@ class _Failure(ScenarioTable):
     of: Line = choice(
         "What fails, such as "
         + ", ".join(f'"{name} {number}"' for number, name in enumerate(_TABLES, 1))
-        + ' or "thruster" and its name'
+        + f' or "thruster" and its name; or a sensor, {", ".join(_SENSORS)}'
     )
     at_s: Time = quantity("When it fails", "s")
     kind: FailureName = choice(f"How it fails. {_KINDS_IN_WORDS}")
 
 
 class FailureTable(table_with(fields_of(_AMOUNTS.values()), _Failure)):
-    """`[[failure]]`: a failure of an actuator in flight, unknown to the law.
+    """`[[failure]]`: a failure of an actuator or a sensor in flight, unknown to the law.
 
-    Of several failures of one actuator the later one replaces the earlier.
+    Of several failures of one part the later one replaces the earlier.
     """
 
     @property
@@ -65,15 +70,22 @@ class FailureTable(table_with(fields_of(_AMOUNTS.values()), _Failure)):
         """Kind of the failing part: the first word of `of`."""
         return self.of.partition(" ")[0]
 
+    @property
+    def of_sensor(self) -> bool:
+        """Whether a sensor fails, not an actuator."""
+        return self.of in _SENSORS
+
 
 @rule_over("failure", "spacecraft.thruster_torque_axes", *_TABLES)
 def _failures_have_something_to_strike(values):
     tables = {name: values[name] for name in _TABLES}
     tables["thruster"] = tables["thruster"] or values["spacecraft.thruster_torque_axes"] or ()
+    sensors = [name for name in _SENSORS if any(key.startswith(f"{name}.") for key in values)]
     for number, one in enumerate(values["failure"]):
-        if number_of(one.of, one.part, tables.get(one.part, ())) is None:
+        if one.of not in sensors and number_of(one.of, one.part, tables.get(one.part, ())) is None:
             names = [f'"{name} {which}"' for name, all in tables.items() for which in names_of(all)]
-            few = f"one of {', '.join(names[:6])}" if names else "an actuator"
+            names = [f'"{name}"' for name in sensors] + names
+            few = f"one of {', '.join(names[:6])}" if names else "an actuator or a sensor"
             yield Issue(("failure", number, "of"), f"must name {few}, got {shown(one.of)}")
 
 
@@ -94,36 +106,38 @@ def _one_actuator_fails_once_at_a_time(failures):
 def _failures_say_what_and_how_much(failures, thrusters):
     for number, one in enumerate(failures):
         ideal = one.part == "thruster" and not thrusters
-        actuator = _BY_NAME.get(one.part)
-        if actuator is None:
+        which = _IDEAL if ideal else one.part
+        if which not in _KINDS:
             continue
-        kinds = IDEAL_KINDS if ideal else actuator.kinds
-        alike = [kind for kind in kinds if kind.text == one.kind]
+        alike = [kind for kind in _KINDS[which] if kind.text == one.kind]
         if not alike:
-            which = _IDEAL if ideal else one.part
-            names = ", ".join(dict.fromkeys(kind.text for kind in kinds))
+            names = ", ".join(dict.fromkeys(kind.text for kind in _KINDS[which]))
             message = f"must be one of {names} for a {which}, got {shown(one.kind)}"
             yield Issue(("failure", number, "kind"), message)
             continue
-        yield from _amounts(number, one, [key for kind in alike for key in kind.keys])
-        may_be_negative = (ideal or actuator.both_signs) and one.kind == "stuck-at"
+        yield from _amounts(number, one, [kind.keys for kind in alike])
+        both_signs = one.part in _BY_NAME and _BY_NAME[one.part].both_signs
+        may_be_negative = (ideal or both_signs) and one.kind == "stuck-at"
         if one.fraction is not None and one.fraction < 0 and not may_be_negative:
             message = f"must be at least 0, got {shown(one.fraction)}"
             yield Issue(("failure", number, "fraction"), message)
 
 
-def _amounts(number, one, amounts):
-    """Yield issues on the keys that quantify a failure."""
+def _amounts(number, one, alternatives):
+    """Yield issues on the keys that quantify a failure, those of one of the `alternatives`."""
+    amounts = [key for keys in alternatives for key in keys]
     present = [key for key in AMOUNTS if getattr(one, key) is not None]
     what = f'for a failure of kind "{one.kind}"'
     for key in present:
         if key not in amounts:
             got = shown(getattr(one, key))
             yield Issue(("failure", number, key), f"must not be given {what}, got {got}")
-    if amounts and not set(present) & set(amounts):
-        message = f"must be given {what}, got nothing"
-        yield Issue(("failure", number, amounts[-1]), message, (), True)
-    elif len(set(present) & set(amounts)) > 1:
+    begun = [keys for keys in alternatives if set(present) & set(keys)]
+    for key in amounts[-1:] if not begun else begun[0] if len(begun) == 1 else ():
+        if key not in present:
+            message = f"must be given {what}, got nothing"
+            yield Issue(("failure", number, key), message, (), True)
+    if len(begun) > 1:
         message = f"must not be given with {amounts[0]} {what}"
         yield Issue(("failure", number, amounts[-1]), message)
 
@@ -161,8 +175,10 @@ LASTING = ("dead", "stopped", "locked")
 
 
 def failure_cautions(scenario: Any) -> Iterator[Issue]:
-    """Yield cautions about failures without effect, and failures that end a lasting one."""
+    """Yield cautions about failures without effect, those that end a lasting one, and readings of
+    a failed sensor that nothing tests."""
     yield from _after_the_end(scenario)
+    yield from _untested(scenario)
     for number, one in enumerate(scenario.failure):
         if _failed_before(scenario, one):
             message = "should be an actuator that works at the start, else nothing more fails"
@@ -171,12 +187,31 @@ def failure_cautions(scenario: Any) -> Iterator[Issue]:
         yield from _working_again(scenario)
 
 
+def _untested(scenario: Any) -> Iterator[Issue]:
+    """Yield a caution about a filter that believes a sensor with false readings."""
+    estimator = scenario.estimator
+    kind = "mekf" if estimator is None else estimator.kind
+    if kind != "mekf" or getattr(estimator, "false_alarm_probability", None) is not None:
+        return
+    for one in scenario.failure:
+        if one.of_sensor and one.kind != "dead":
+            message = (
+                f"should be given, else the filter uses every reading of the failed {one.of}, got "
+                "nothing"
+            )
+            yield Issue(("estimator", "false_alarm_probability"), message, (), True)
+            return
+
+
 def _after_the_end(scenario: Any) -> Iterator[Issue]:
     """Yield cautions about times at or after the end of the run; of drawn times the smallest."""
     begins: dict[str, dict[Location, float]] = {
-        "failure_time_s": {
-            ("failure", number, "at_s"): one.at_s for number, one in enumerate(scenario.failure)
+        key: {
+            ("failure", number, "at_s"): one.at_s
+            for number, one in enumerate(scenario.failure)
+            if one.of_sensor == of_sensor
         }
+        for key, of_sensor in (("failure_time_s", False), ("sensor_failure_time_s", True))
     } | {
         f"{key.drawn}_s": _outage(scenario, one.name)
         for one in SENSORS
@@ -222,8 +257,8 @@ def _smallest(bound: Any) -> float:
 
 def _failed_before(scenario: Any, one: FailureTable) -> bool:
     """Whether the failure changes nothing because the actuator has failed before the start."""
-    actuator = _BY_NAME[one.part]
-    if one.kind not in [kind.text for kind in actuator.idle]:
+    actuator = _BY_NAME.get(one.part)
+    if actuator is None or one.kind not in [kind.text for kind in actuator.idle]:
         return False
     if one.part == "thruster" and not scenario.thruster:
         return one.of.partition(" ")[2] in map(str, scenario.spacecraft.failed_thrusters)

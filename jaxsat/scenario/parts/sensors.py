@@ -23,7 +23,7 @@ from jaxsat.core.declaration.sensors import (
     SensorDeclaration,
 )
 from jaxsat.core.earth import EARTH_GRAVITY
-from jaxsat.core.ranges import TRACKER_NOISE
+from jaxsat.core.ranges import PROBABILITY, TRACKER_NOISE
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.named import PartTable, by_its_kind
 from jaxsat.scenario.parts.outages import outage_mistakes
@@ -61,6 +61,19 @@ ATTITUDE_SIGMA = number(
 )
 
 
+FALSE_ALARM_PROBABILITY = number(
+    "false_alarm_probability",
+    "Probability that the filter rejects a good reading of a sensor of the attitude, as one that "
+    "does not agree with its prediction; by default no reading is tested",
+    at_least=PROBABILITY.low,
+    at_most=0.5,
+    default=None,
+)
+
+PATIENCE = 5
+"""Default number of readings in a row that are rejected before a sensor is excluded."""
+
+
 class SamplingTable(table_with(fields_of((*WHITE_NOISE.keys, DELAY)))):
     """`[sampling]`: noise and delay between a sampled law and the plant."""
 
@@ -82,7 +95,7 @@ TABLES = {one.name: (_table_of(one) | None, choice(one.meaning, None)) for one i
 """Table and meaning of each sensor that has a table of its own."""
 
 
-class EstimatorTable(table_with(fields_of([ATTITUDE_SIGMA]), PartTable)):
+class EstimatorTable(table_with(fields_of([ATTITUDE_SIGMA, FALSE_ALARM_PROBABILITY]), PartTable)):
     """`[estimator]`: estimates of attitude and rates for the law from the measurements."""
 
     plugin: ClassVar[PluginKind] = ESTIMATOR
@@ -91,6 +104,12 @@ class EstimatorTable(table_with(fields_of([ATTITUDE_SIGMA]), PartTable)):
         f"{ESTIMATOR_KIND.meaning}; or an estimator that does not come with jaxsat, "
         '"module:Class" or the name of an installed one, whose keys follow',
         ESTIMATOR_KIND.default,
+    )
+    patience: Annotated[Whole, Ge(1), Le(MAX_PERIODS)] | None = quantity(
+        "Readings of a sensor in a row that the filter rejects before it excludes the sensor for "
+        f"good; {PATIENCE} by default",
+        "1",
+        None,
     )
 
 
@@ -152,6 +171,16 @@ def _estimator_has_sensors(values):
 def _a_law_without_estimator_has_a_tracker(tracker, limit, kind):
     if kind == "none":
         yield at("estimator.kind", 'must be "mekf" without [star_tracker], got "none"')
+
+
+@rule("estimator.kind", "estimator.false_alarm_probability", "estimator.patience")
+def _the_filter_alone_tests_innovations(kind, probability, patience):
+    if kind != "mekf" and probability is not None:
+        message = f'must be left out with kind "{kind}", got {shown(probability)}'
+        yield at("estimator.false_alarm_probability", message)
+    if probability is None and patience is not None:
+        message = f"must be left out without false_alarm_probability, got {shown(patience)}"
+        yield at("estimator.patience", message)
 
 
 @rule_over("orbit.rate_rad_s")

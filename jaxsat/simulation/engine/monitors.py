@@ -9,7 +9,7 @@ from jaxsat.simulation.assessment import stop_gradient
 from jaxsat.simulation.engine.program import Program
 from jaxsat.simulation.engine.progress import Progress
 from jaxsat.simulation.engine.rates import consumption, plant_state
-from jaxsat.simulation.loops import AbstractLoop, failures_of
+from jaxsat.simulation.loops import AbstractLoop, failures_of, sensor_failures_of
 from jaxsat.simulation.requirements import Margin, Requirements
 from jaxsat.simulation.trajectory import Signals
 
@@ -81,4 +81,5 @@ def margins_of_history(
 
 
 def _failure_times(loop: AbstractLoop) -> Float[Array, " f"]:
-    return jnp.concatenate([jnp.zeros(0), *(one.at for one in failures_of(loop))])
+    failures = (*failures_of(loop), *sensor_failures_of(loop))
+    return jnp.concatenate([jnp.zeros(0), *(one.at for one in failures)])

@@ -85,18 +85,22 @@ def with_failures(scenario: Scenario, group: Sequence[ActuatorDeclaration]) -> S
     A kind that is there twice fails twice, the same actuator in some cases. `group` has the order
     of `ACTUATORS`. Device, kind, time and amount are drawn: every device and every kind with equal
     weights, the time within the first half of the run, a fraction from 0.1 to 0.9. Kinds with
-    another amount than a fraction are left out. Raises `ScenarioError` or `BuildError` where the
-    spacecraft or its law do not support such failures.
+    another amount than a fraction are left out; failures of sensors stay. Raises `ScenarioError` or
+    `BuildError` where the spacecraft or its law do not support such failures.
     """
     data = scenario.model_dump(exclude_none=True, exclude={"tuning"})
     end = LAST * scenario.simulation.duration_s
+    pairs = zip(scenario.failure, data.get("failure", ()), strict=True)
     data["failure"] = [
-        {
-            "of": f"{one.name} {_working(scenario, one)[group[:place].count(one)]}",
-            "at_s": end,
-            "kind": one.drawn[0].text,
-        }
-        for place, one in enumerate(group)
+        *(table for one, table in pairs if one.of_sensor),
+        *(
+            {
+                "of": f"{one.name} {_working(scenario, one)[group[:place].count(one)]}",
+                "at_s": end,
+                "kind": one.drawn[0].text,
+            }
+            for place, one in enumerate(group)
+        ),
     ]
     own = {k: v for k, v in data["dispersion"].items() if not k.startswith(("failure_", "failed_"))}
     data["dispersion"] = own

@@ -1,0 +1,254 @@
+"""`[[failure]]` of a sensor in a scenario: what is told of mistakes, what is built, studies, and
+the page's example."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+
+from jaxsat.control.navigation.mekf import MultiplicativeFilter
+from jaxsat.core.declaration.sensor import SensorFailureKind
+from jaxsat.core.declaration.wheels import WHEEL
+from jaxsat.report.requirements import judgements
+from jaxsat.report.run_document import run_document
+from jaxsat.scenario import ScenarioError, dump
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from jaxsat.scenario.build.study import build_study
+from jaxsat.scenario.errors import ScenarioWarning
+from jaxsat.store.dataset import trajectory_dataset
+from jaxsat.synthesis.verification.conditions import with_failures
+
+ROOT = Path(__file__).parents[3]
+SENSORS = """
+[gyro]
+noise_density_deg_sqrt_h = 0.05
+bias_sigma_deg_h = 4
+
+[star_tracker]
+across_arcsec = 5
+along_arcsec = 25
+update_period_s = 0.5
+latency_s = 0.2
+
+[magnetometer]
+noise_nT = 100
+
+[sun_sensor]
+noise_deg = 0.1
+"""
+TEST = "[estimator]\nfalse_alarm_probability = 1e-6\n"
+BASE = """
+title = "A CubeSat that points at the Earth"
+
+[spacecraft]
+inertia_kg_m2 = [0.30, 0.55, 0.62]
+
+[orbit]
+altitude_km = 500
+inclination_rad = 1.7
+
+[disturbance]
+gravity_gradient = true
+
+[[wheel]]
+axis = [1, 0, 0]
+torque_limit_N_m = 0.004
+
+[[wheel]]
+axis = [0, 1, 0]
+torque_limit_N_m = 0.004
+
+[[wheel]]
+axis = [0, 0, 1]
+torque_limit_N_m = 0.004
+
+[initial]
+quaternion = [1, 0, 0, 0]
+omega_rad_s = [0, 0, 0]
+
+[control]
+law = "quaternion-feedback"
+period_s = 0.1
+natural_frequency_rad_s = 0.05
+
+[simulation]
+duration_s = 600
+save_every_s = 0.5
+"""
+
+
+def failure(of="star_tracker", kind="stuck", at=2, more=""):
+    return f'[[failure]]\nof = "{of}"\nat_s = {at}\nkind = "{kind}"\n{more}\n'
+
+
+def loaded(folder, text, changes=(), purpose: Any = None):
+    path = folder / "own.toml"
+    path.write_text(BASE + SENSORS + text, encoding="utf-8")
+    return load(path, list(changes), **({"purpose": purpose} if purpose else {}))
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "message"),
+    [
+        (failure("star_trackr"), "failure.of", 'must name one of "star_tracker", "magnetometer", '),
+        (failure("gyro"), "failure.of", 'must name one of "star_tracker", "magnetometer", '),
+        (failure("horizon_sensor"), "failure.of", 'got "horizon_sensor"'),
+        (failure(kind="stuk"), "failure.kind", "did you mean stuck?"),
+        (
+            failure(kind="stopped"),
+            "failure.kind",
+            'must be one of dead, stuck, drifting, spiking for a star_tracker, got "stopped"',
+        ),
+        (failure("wheel 1"), "failure.kind", "must be one of dead, degraded, stopped"),
+        (
+            failure(kind="drifting"),
+            "failure.drift_rad_s",
+            'must be given for a failure of kind "drifting", got nothing',
+        ),
+        (
+            failure(kind="spiking", more="spike_deg = 1"),
+            "failure.spike_probability",
+            'must be given for a failure of kind "spiking", got nothing',
+        ),
+        (
+            failure(more="fraction = 0.5"),
+            "failure.fraction",
+            'must not be given for a failure of kind "stuck", got 0.5',
+        ),
+        (
+            "[estimator]\nkind = 'none'\nfalse_alarm_probability = 1e-3\n",
+            "estimator.false_alarm_probability",
+            'must be left out with kind "none", got 0.001',
+        ),
+        (
+            "[estimator]\npatience = 3\n",
+            "estimator.patience",
+            "must be left out without false_alarm_probability, got 3",
+        ),
+    ],
+)
+def test_mistakes_are_told(tmp_path, text, key, message):
+    with pytest.raises(ScenarioError) as caught:
+        loaded(tmp_path, text)
+    (problem,) = caught.value.problems
+    assert problem.key == key
+    assert message in problem.message
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (failure(), "estimator.false_alarm_probability: should be given, else the filter uses"),
+        (TEST + failure(at=700), "failure.at_s: should be before simulation.duration_s"),
+        (
+            TEST + failure(kind="dead") + failure(at=5),
+            'should be meant to replace "dead" at 2.0 s, after which star_tracker works again',
+        ),
+    ],
+)
+def test_cautions(tmp_path, text, message):
+    with pytest.warns(ScenarioWarning, match=message):
+        loaded(tmp_path, text)
+
+
+def test_failures_are_numbered_among_the_sensors_that_there_are(tmp_path):
+    text = (
+        TEST
+        + "patience = 7\n"
+        + failure("sun_sensor", "drifting", 5, "drift_deg_s = [0, 0, 0.1]")
+        + failure("star_tracker", "spiking", 9, "spike_deg = 2\nspike_probability = 0.5")
+        + failure("wheel 1", "dead", 7)
+    )
+    run: Any = build(loaded(tmp_path, text))
+    found = run.loop.navigation.failures
+    np.testing.assert_array_equal(found.number, [2, 0])
+    np.testing.assert_array_equal(found.at, [5, 9])
+    kinds = [SensorFailureKind.DRIFTING, SensorFailureKind.SPIKING]
+    np.testing.assert_array_equal(found.kind, kinds)
+    np.testing.assert_allclose(found.drift, np.radians([[0, 0, 0.1], [0, 0, 0]]))
+    np.testing.assert_allclose(found.amount, [0, np.radians(2)])
+    np.testing.assert_allclose(found.quantile, [np.inf, 0], atol=1e-15)
+    (wheels,) = [one for one in run.loop.plant.effectors if one.kind == "wheel"]
+    np.testing.assert_array_equal(wheels.failures.at, [7])
+    estimator: Any = run.loop.navigation.estimator
+    assert isinstance(estimator, MultiplicativeFilter)
+    test: Any = estimator.test
+    assert test.patience == 7
+    assert build(loaded(tmp_path, "")).loop.navigation.failures is None  # pyright: ignore
+    verified = with_failures(loaded(tmp_path, text + DRAWN), (WHEEL,))
+    assert [one.of for one in verified.failure] == ["sun_sensor", "star_tracker", "wheel 1"]
+
+
+DRAWN = """
+[dispersion.sensor_failure_time_s]
+distribution = "uniform"
+low = 1
+high = 5
+"""
+
+
+def test_times_of_failures_are_drawn(tmp_path):
+    study = build_study(loaded(tmp_path, TEST + failure() + DRAWN, purpose="study"), 6)
+    made: Any = jax.vmap(study.case_factory)(study.cases(np.arange(6)))
+    at = np.asarray(made.loop.navigation.failures.at)
+    assert at.shape == (6, 1)
+    assert np.all((at >= 1) & (at <= 5))
+    assert len(np.unique(at)) == 6
+    with pytest.raises(ScenarioError, match="no failure of an actuator in flight"):
+        drawn = DRAWN.replace("sensor_failure", "failure")
+        loaded(tmp_path, TEST + failure() + drawn, purpose="study")
+
+
+@pytest.mark.slow
+def test_engines_agree_and_a_case_alone_has_the_same_bits(tmp_path):
+    changes = ["simulation.duration_s=20"]
+    scenario = loaded(tmp_path, TEST + failure() + DRAWN, changes, purpose="study")
+    found = {
+        engine: build_study(scenario, 5, engine=engine, batch_size=6).evaluate(np.arange(5))
+        for engine in ("native", "diffrax")
+    }
+    np.testing.assert_allclose(found["native"].omega, found["diffrax"].omega, atol=1e-9)
+    alone = build_study(scenario, 5, engine="native", batch_size=6).evaluate(np.array([3]))
+    np.testing.assert_array_equal(alone.omega[0], found["native"].omega[3])
+
+
+def example():
+    """The tables of the page's example, of an estimator and a failure."""
+    text = (ROOT / "docs/sensors.md").read_text(encoding="utf-8")
+    (found,) = re.findall(r"```toml\n(\[estimator\]\nfalse_alarm.*?)```", text, re.DOTALL)
+    return found
+
+
+REQUIREMENT = """
+[[requirement]]
+id = "pointing"
+formula = "always[failure, end] pointing_error < 0.1 deg"
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (ROOT / "docs").is_dir(), reason="no docs beside the package")
+def test_the_star_tracker_of_the_page_is_excluded_and_the_pointing_kept(tmp_path):
+    scenario = loaded(tmp_path, example() + REQUIREMENT)
+    run = build(scenario)
+    dataset = trajectory_dataset(run.simulate(), title="own", scenario=dump(scenario), seed=0)
+    assert list(dataset["attitude_sensor"].values) == [
+        "star_tracker",
+        "magnetometer",
+        "sun_sensor",
+    ]
+    np.testing.assert_array_equal(dataset["sensor_excluded"][-1], [1, 0, 0])
+    excluded = float(dataset["time"][int(np.argmax(dataset["sensor_excluded"].values[:, 0]))])
+    assert 201 < excluded < 205
+    error = np.abs(dataset["attitude_estimate_error"].values)
+    assert np.all(error[-400:] < 5 / 3 * dataset["attitude_estimate_3sigma"].values[-400:])
+    assert float(dataset["pointing_error_total"][400:].max()) < 0.1
+    sentences = run_document(dataset).verdict.more
+    assert "Star tracker stuck at 200 s." in sentences
+    assert f"Star tracker excluded at {excluded:g} s." in sentences
+    (requirement,) = judgements(dataset)
+    assert requirement.margin > 0

@@ -1,0 +1,104 @@
+"""What failed sensors read, sample by sample, against SciPy's rotations."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from jaxsat.core.declaration.sensor import SensorFailureKind
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.sensor_failures import SensorFailures, SensorReading
+
+PERIOD, RATE = 0.5, 1e-3
+KEY = jnp.array([3, 4], jnp.uint32)
+
+
+def failures(*each):
+    """Failures of sensors, each (number, at, kind, amount, drift, quantile)."""
+    return SensorFailures(*zip(*each, strict=True), ExactOrbit(RATE))
+
+
+def vectors(events, readings, seen, sensor=0, count=2):
+    """What is read of vectors, and whether, with the failures of one of `count` sensors."""
+
+    def sample(last, now):
+        number, value, there = now
+        condition = events.conditions(number, jnp.array(PERIOD), KEY, count)[sensor]
+        read, last = events.vector(condition, SensorReading(value, there), last, jnp.array(True))
+        return last, read
+
+    first = SensorReading(jnp.zeros(3), jnp.array(False))
+    given = jnp.arange(len(seen)), jnp.array(readings), jnp.array(seen)
+    read = jax.lax.scan(sample, first, given)[1]
+    return list(zip(np.asarray(read.value), np.asarray(read.seen), strict=True))
+
+
+READINGS = np.random.default_rng(1).normal(size=(8, 3))
+SEEN = [True, True, False, True, True, False, True, True]
+
+
+def test_a_dead_sensor_reads_nothing_and_a_stuck_one_its_last_reading():
+    none = (0.0, (0, 0, 0), 0.0)
+    events = failures(
+        (0, 1.0, SensorFailureKind.STUCK, *none), (0, 3.0, SensorFailureKind.DEAD, *none)
+    )
+    found = vectors(events, READINGS, SEEN)
+    assert [there for _, there in found] == [True] * 6 + [False] * 2
+    for number, source in enumerate([0, 1, 1, 1, 1, 1]):
+        np.testing.assert_array_equal(found[number][0], READINGS[source])
+    other = vectors(events, READINGS, SEEN, sensor=1)
+    assert [there for _, there in other] == SEEN
+    unread = vectors(failures((0, 0.0, SensorFailureKind.STUCK, *none)), READINGS, SEEN)
+    assert not any(there for _, there in unread)
+
+
+def test_a_stuck_star_tracker_keeps_its_attitude_in_inertial_axes():
+    """Relative to the orbit frame, which turns about its -y, that attitude moves."""
+    events = failures((0, 0.4, SensorFailureKind.STUCK, 0.0, (0, 0, 0), 0.0))
+    start = np.roll(Rotation.from_rotvec([0.3, -0.5, 0.8]).as_quat(), 1)
+
+    def sample(last, number):
+        (condition,) = events.conditions(number, jnp.array(PERIOD), KEY, 1)
+        value = jnp.where(number == 0, start, jnp.array([0.0, 1.0, 0.0, 0.0]))
+        new = SensorReading(value, jnp.array(True))
+        read, last = events.attitude(condition, new, last, jnp.array(True), jnp.array(PERIOD))
+        return last, read
+
+    first = SensorReading(jnp.array([1.0, 0.0, 0.0, 0.0]), jnp.array(False))
+    read = jax.tree.map(lambda x: x[-1], jax.lax.scan(sample, first, jnp.arange(2001))[1])
+    frame = Rotation.from_rotvec([0.0, -RATE * 2000 * PERIOD, 0.0])
+    expected = frame.inv() * Rotation.from_quat(np.roll(start, -1))
+    found = Rotation.from_quat(np.roll(np.asarray(read.value), -1))
+    assert bool(read.seen)
+    assert (found.inv() * expected).magnitude() < 1e-7
+
+
+def test_readings_drift_by_a_small_rotation():
+    drift = np.array([0.01, -0.02, 0.03])
+    events = failures((0, 1.0, SensorFailureKind.DRIFTING, 0.0, drift, 0.0))
+    for number, (value, _) in enumerate(vectors(events, READINGS, [True] * 8)):
+        turn = max(number * PERIOD - 1.0, 0.0) * drift
+        size = np.linalg.norm(turn)
+        exact = turn if size == 0 else turn / size * 2 * np.arctan(size / 2)
+        expected = Rotation.from_rotvec(exact).inv().apply(READINGS[number])
+        np.testing.assert_allclose(value, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("probability", [0.1, 1.0])
+def test_spikes_have_their_probability_and_size(probability):
+    table = SimpleNamespace(
+        kind="spiking", at_s=0.0, drift_rad_s=None, spike_rad=0.2, spike_probability=probability
+    )
+    events: Any = SensorFailures.from_tables([(0, table)], ExactOrbit(RATE))
+
+    def turn(number):
+        return events.conditions(number, jnp.array(PERIOD), KEY, 1)[0].turn
+
+    turns = np.asarray(jax.vmap(turn)(jnp.arange(3000)))
+    spikes = np.any(turns != 0, axis=1)
+    assert abs(spikes.mean() - probability) <= 4 * np.sqrt(probability * (1 - probability) / 3000)
+    assert abs(turns[spikes].std() / 0.2 - 1) < 0.1
