@@ -27,6 +27,7 @@ class Builder:
         self.trace: Trace | None = None if like is None else like.trace
         self.mask: ir.Scalar | None = None
         self.outside: dict[int, list[ir.Value]] = {}  # arrays from outside, by their first value
+        self.given: set[int] = set()  # arguments of the function in a compact program
         self.functions: dict[tuple, ir.Function] = {}
         self.repeated: dict[int, Any] = {}
         self.outlined: dict[int, Any] = {}  # jaxprs of Python functions, by identity
@@ -37,11 +38,12 @@ class Builder:
             self.functions, self.repeated = like.functions, like.repeated
             self.outlined, self.variants, self.kept = like.outlined, like.variants, like.kept
             self.cutter = like.cutter
+        self.ranges = Ranges() if like is None else like.ranges
+        self.predicates = Predicates()
         self.sine_and_cosine: set[Any] = set()  # variables of jaxprs
         self._negated: dict[int, ir.Scalar] = {}  # what a value is the negative of
         # of products in a compact program
         self.factors: dict[int, tuple[ir.Scalar, ir.Scalar]] = {}
-        self.ranges, self.predicates = Ranges(), Predicates()
         self.truths: set[int] = set()  # numbers made of bools: 0 or 1
         self.written = 0  # operations so far
 
@@ -129,6 +131,8 @@ class Builder:
         if value is None:
             value = ir.Value(memory.dtype, memory.uniform and ir.is_uniform(index))
             self.block.steps.append(ir.Load(memory, index, value))
+            if memory.initial is not None and memory.dtype.kind in "iu":
+                self.ranges.note(value, int(memory.initial.min()), int(memory.initial.max()))
             self._note(value)
             self.block.known[key] = value
         return value
@@ -265,6 +269,8 @@ class Builder:
             return list(cached)  # pyright: ignore[reportArgumentType]
         outs = [ir.Value(result.dtype, ir.is_uniform(result)) for result in function.results]
         self.block.steps.append(ir.Call(function, list(args), outs))
+        for out, result in zip(outs, function.results, strict=True):
+            self.ranges.note_among(out, [result])
         self._note(*outs)
         self.block.known[key] = outs  # pyright: ignore[reportArgumentType]
         return list(outs)
@@ -288,6 +294,8 @@ class Builder:
         kinds = zip(*yields, strict=True)
         outs = [ir.Value(several[0].dtype, all(map(ir.is_uniform, several))) for several in kinds]
         self.block.steps.append(ir.BlockSwitch(index, blocks, yields, outs, cold))
+        for out, several in zip(outs, zip(*yields, strict=True), strict=True):
+            self.ranges.note_among(out, several)
         self._note(*outs)
         return list(outs)
 

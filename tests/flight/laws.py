@@ -150,3 +150,32 @@ class Clocked(AbstractSampledController):
     def step(self, t, state, memory):
         """Both."""
         return jnp.stack([t, t * state.omega[1]]), memory + t
+
+
+class ScheduledMemory(NamedTuple):
+    """How many samples there were."""
+
+    samples: Array
+
+
+class Scheduled(AbstractSampledController):
+    """Feedback by rows of a table of gains, N m s: one by a count of samples, and all in turn."""
+
+    gains: Float[Array, "20 2 3"] = eqx.field(converter=as_float)
+    period: Float[Array, ""] = eqx.field(converter=as_float, default=0.5)
+
+    def init(self, state: PlantState) -> ScheduledMemory:
+        """No sample yet."""
+        return ScheduledMemory(jnp.array(0))
+
+    def step(self, t, state, memory):
+        """Feedback by one row, limited by what all rows together make of it."""
+
+        def larger(most, gain):
+            command = gain @ state.omega
+            return jnp.where(jnp.abs(command) > most, jnp.abs(command), most), None
+
+        most = jax.lax.scan(larger, jnp.zeros(2), self.gains)[0]
+        row = jax.lax.dynamic_index_in_dim(self.gains, memory.samples, keepdims=False)
+        command = jnp.clip(-row @ state.omega, -0.9 * most, 0.9 * most)
+        return command, ScheduledMemory(memory.samples + 1)

@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxsat.compiler import ir
 from jaxsat.compiler.c.body import Body
-from jaxsat.compiler.c.contexts import base_of, has_rows
+from jaxsat.compiler.c.contexts import base_of, column_of, has_rows
 from jaxsat.compiler.c.expressions import UNARY, Expression
 from jaxsat.compiler.c.helpers import TYPES
 from jaxsat.compiler.c.naming import element_of, name_of
@@ -38,6 +38,15 @@ class Arrays:
             self._memories[memory.number] = name
             self._body.line(f"{TYPES[memory.dtype]} {name}[{memory.size}];")
         return self._memories[memory.number]
+
+    def element(self, memory: ir.Memory, index: str) -> str:
+        """Return the element of an indexed array, which may be a column of another one."""
+        values = [x for x in memory.elements if isinstance(x, ir.Value)]
+        expressions = [self._body.expressions.get(x.number) for x in values]
+        texts = [one.text for one in expressions if one is not None]
+        if texts and len(texts) == memory.size and (column := column_of(texts)):
+            return f"{column[0]}[{index}]{column[1]}"
+        return f"{self.memory(memory)}[{index}]"
 
     def declare(self, blocks: Iterable[ir.Block]) -> None:
         """Declare the arrays of inner blocks before these."""

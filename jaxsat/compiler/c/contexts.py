@@ -94,6 +94,18 @@ def base_of(texts: Sequence[str | None], shape: tuple[int, ...]) -> str | None:
     return base if list(texts) == elements else None
 
 
+def column_of(texts: Sequence[str]) -> tuple[str, str] | None:
+    """Return what is before and after the index of elements of an array of C that differ in one
+    index, from zero on, or None."""
+    if not re.fullmatch(r"[\w>.\-]+(\[\d+\])+", texts[0]):
+        return None
+    for place in re.finditer(r"\[0\]", texts[0]):
+        begin, end = texts[0][: place.start()], texts[0][place.end() :]
+        if all(text == f"{begin}[{i}]{end}" for i, text in enumerate(texts)):
+            return begin, end
+    return None
+
+
 def has_rows(base: str, shape: tuple[int, ...], shapes: Mapping[str, tuple[int, ...]]) -> bool:
     """Whether the rows of an array, one of `shapes` by name, are known to be no longer than those
     of this shape, which begin at its start."""

@@ -62,8 +62,8 @@ class Printer:
                 self.body.keep(step.out, operation(step.name, args, kinds, step.out.dtype, need))
             case ir.Load():
                 index = self.body.operand(step.index)
-                memory = self._arrays.memory(step.memory)
-                self.body.name(step.out, Expression(f"{memory}[{index.text}]"))
+                place = self._arrays.element(step.memory, index.text)
+                self.body.name(step.out, Expression(place))
             case ir.Store():
                 index, value = self.body.operand(step.index), self.body.operand(step.value)
                 memory = self._arrays.memory(step.memory)

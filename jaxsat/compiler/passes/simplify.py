@@ -1,6 +1,6 @@
 """Simplification: neutral and absorbing operands, and comparisons of integers of known range."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -87,6 +87,12 @@ class Ranges:
         """Note the range of a value, both ends included."""
         self._known[value.number] = (least, largest)
 
+    def note_among(self, value: Value, sources: Iterable[Scalar]) -> None:
+        """Note that a value is one of others of its type."""
+        if value.dtype.kind in "iu":
+            bounds = [self._within(x) for x in sources]
+            self._known[value.number] = (min(b[0] for b in bounds), max(b[1] for b in bounds))
+
     def note_converted(self, x: Scalar, out: Value) -> None:
         """Note that a value as another type, in which it fits, keeps its range."""
         if x.dtype.kind not in "iu" or out.dtype.kind not in "iu":
@@ -97,13 +103,16 @@ class Ranges:
             self._known[out.number] = bounds
 
     def note_result(self, name: str, args: Sequence[Scalar], out: Value) -> None:
-        """Note the range of a result: of a masked integer, and of arithmetic with known ranges."""
+        """Note the range of a result: of a choice, a masked integer, and of arithmetic with known
+        ranges."""
         if out.dtype.kind not in "iu":
             return
         if name in ("min", "max"):
             limit = min if name == "min" else max
             x, y = (self._within(arg) for arg in args)
             self._known[out.number] = (limit(x[0], y[0]), limit(x[1], y[1]))
+        if name == "select":
+            self.note_among(out, args[1:])
         if name not in ("and", "add", "sub", "rem", "mul"):
             return
         x, y = (self._of(arg) for arg in args)

@@ -11,7 +11,7 @@ from jax import lax
 from jaxtyping import Array, Shaped
 
 from jaxsat.compiler.builder import Builder
-from jaxsat.compiler.ir import Function, Scalar, Source, Value, uses
+from jaxsat.compiler.ir import Function, Scalar, Source, Value, numbers_of, uses
 from jaxsat.compiler.lowering import (
     LONGEST,
     Elements,
@@ -112,6 +112,7 @@ def _python_function(b: Builder, inner, arrays: Sequence[Elements], folded: Sequ
             own[index] = array[index] if fold else Value(array[index].dtype, True)
         inside.append(own)
     body = Builder(like=b)
+    body.given = set(numbers_of(scalars_of(inside)))
     with b.at(()):
         results = lower(body, inner, inside)
     places = {x.number: i for i, x in enumerate(scalars_of(inside)) if isinstance(x, Value)}

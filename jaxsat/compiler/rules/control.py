@@ -4,7 +4,7 @@ A carry of a loop may begin the same in all lanes and come out of the body diffe
 analysed to a fixed point. Arrays count as wholes: one varying element makes all vary.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import reduce
 
 import numpy as np
@@ -23,7 +23,7 @@ from jaxsat.compiler.lowering import (
 )
 from jaxsat.compiler.operations import BOOL, INT
 from jaxsat.compiler.rules.elementwise import extremum
-from jaxsat.compiler.rules.indexing import memory_of, stored
+from jaxsat.compiler.rules.indexing import element, is_given, memory_of, stored
 from jaxsat.core.jaxprs import Equation, Jaxpr, Literal
 from jaxsat.core.once import latest
 
@@ -84,8 +84,7 @@ def _scan(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
     n_consts, n_carry = eqn.parameters["n_consts"], eqn.parameters["n_carry"]
     consts, carries = arrays[:n_consts], arrays[n_consts : n_consts + n_carry]
     varying, stacked_vary = scan_outputs(eqn, [_varies(x) for x in arrays])
-    xs = [stored(b, x) for x in arrays[n_consts + n_carry :]]
-    x_shapes = [x.shape[1:] for x in arrays[n_consts + n_carry :]]
+    rows = [_row_reader(b, x) for x in arrays[n_consts + n_carry :]]
     y_avals = [var.aval for var in eqn.outputs[n_carry:]]
     ys = [
         memory_of(number_type(aval.dtype), int(np.prod(aval.shape)), not vary)
@@ -101,7 +100,7 @@ def _scan(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
         where = number
         if eqn.parameters["reverse"]:
             where = b.operation("sub", INT.type(length - 1), number)
-        parts = [_loaded(b, x, where, shape) for x, shape in zip(xs, x_shapes, strict=True)]
+        parts = [row(where) for row in rows]
         after = lower(b, body, [*consts, *arrays_of(scalars[1:], shapes), *parts])
         for memory, part in zip(ys, after[n_carry:], strict=True):
             for k, scalar in enumerate(part.flat):
@@ -135,6 +134,16 @@ def _element(b: Builder, row: Scalar | None, size: int, k: int) -> Scalar:
     if row is None:
         return INT.type(k)
     return b.operation("add", b.operation("mul", row, INT.type(size)), INT.type(k))
+
+
+def _row_reader(b: Builder, x: Elements) -> Callable[[Scalar], Elements]:
+    """Return a reader of the row of a number, which is in range."""
+    shape = x.shape[1:]
+    if not is_given(b, x):
+        memory = stored(b, x)
+        return lambda number: _loaded(b, memory, number, shape)
+    columns = [list(x[(slice(None), *index)]) for index in np.ndindex(shape)]
+    return lambda number: arrays_of([element(b, y, number) for y in columns], [shape])[0]
 
 
 def _loaded(b: Builder, memory: Memory, row: Scalar | None, shape: tuple[int, ...]) -> Elements:

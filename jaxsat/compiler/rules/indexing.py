@@ -45,6 +45,11 @@ def stored(b: Builder, elements: np.ndarray) -> Memory:
     return memory
 
 
+def is_given(b: Builder, x: Elements) -> bool:
+    """Whether an array is an argument of a function in a compact program, where it is read."""
+    return bool(b.given) and all(isinstance(y, Value) and y.number in b.given for y in x.flat)
+
+
 def element(b: Builder, elements: Sequence[Scalar], index: Scalar) -> Scalar:
     """Return the element with the number `index`, which is in range."""
     if not isinstance(index, Value):
@@ -62,23 +67,16 @@ def element(b: Builder, elements: Sequence[Scalar], index: Scalar) -> Scalar:
     return chosen
 
 
-def _index(b: Builder, x: Scalar, wraps: bool = False) -> Scalar:
-    """Return an index as a 32-bit number.
-
-    Indices beyond any array are clipped to the range, or lose their upper bits with `wraps`.
-    """
-    if x.dtype == INT or wraps:
-        return b.convert(x, INT)
-    if x.dtype.itemsize > 4 or x.dtype == np.uint32:
-        top = x.dtype.type(2**31 - 1)
-        x = extremum(b, "min", x, top)
-        if x.dtype.kind == "i":
-            x = extremum(b, "max", x, x.dtype.type(-(2**31)))
-    return b.convert(x, INT)
+def _index(b: Builder, x: Scalar) -> Scalar:
+    """Return an index as a number of at least 32 bits."""
+    return b.convert(x, INT) if x.dtype.itemsize < INT.itemsize else x
 
 
 def _clamped(b: Builder, index: Scalar, last: int) -> Scalar:
-    return extremum(b, "min", extremum(b, "max", index, INT.type(0)), INT.type(last))
+    """Return the nearest index from zero to `last`, as a 32-bit number."""
+    kind = index.dtype.type
+    within = extremum(b, "min", extremum(b, "max", index, kind(0)), kind(last))
+    return b.convert(within, INT)
 
 
 def _linear(b: Builder, starts: Sequence[Scalar], shape: Sequence[int]) -> Scalar:
@@ -92,7 +90,7 @@ def _linear(b: Builder, starts: Sequence[Scalar], shape: Sequence[int]) -> Scala
 def _reader(b: Builder, x: Elements, last: Sequence[int]) -> Callable[..., Scalar]:
     """Return a reader of the element `offset` after a start, which is from zero to `last`.
 
-    Few elements are selected from; an array of many is put into memory once.
+    Few elements are selected from; an array of many is put into memory once, unless it is given.
     """
     memories: list[Memory] = []
 
@@ -105,6 +103,10 @@ def _reader(b: Builder, x: Elements, last: Sequence[int]) -> Callable[..., Scala
         unknown = [start for start in starts if isinstance(start, Value)]
         if not unknown:
             return part
+        if len(unknown) == 1 and is_given(b, x):
+            column = tuple(slice(None) if isinstance(w, slice) else w for w in window)
+            (place,) = (s for s in _shifted(b, starts, offset) if isinstance(s, Value))
+            return element(b, list(x[column].flat), place)
         if part.size <= CHOSEN:
             return element(b, list(part.flat), _linear(b, unknown, part.shape))
         if not memories:
@@ -173,37 +175,38 @@ def _gather(b: Builder, eqn, x: Elements, indices: Elements) -> Elements:
         offset = [0] * x.ndim
         for dim, place in zip(window_dims, numbers.offset_dims, strict=True):
             offset[dim] = index[place]
-        # JAX makes indices of gathers that fill 32-bit numbers before it compares them
-        wraps = mode == GatherScatterMode.FILL_OR_DROP
-        starts = _starts(b, x.ndim, indices[batch], numbers.start_index_map, wraps)
+        starts = _starts(b, x.ndim, indices[batch], numbers.start_index_map)
         for dim, of in zip(
             numbers.operand_batching_dims, numbers.start_indices_batching_dims, strict=True
         ):
             starts[dim] = INT.type(batch[of])
-        inside = _inside(b, starts, last)
-        starts = [_clamped(b, s, end) for s, end in zip(starts, last, strict=True)]
-        value = reader(starts, offset)
         if mode == GatherScatterMode.FILL_OR_DROP:
-            value = b.select(inside, value, _filling(eqn, value.dtype))
+            # JAX makes these indices 32-bit numbers before it compares them
+            starts = [b.convert(start, INT) for start in starts]
+        within = [_clamped(b, s, end) for s, end in zip(starts, last, strict=True)]
+        value = reader(within, offset)
+        if mode == GatherScatterMode.FILL_OR_DROP:
+            value = b.select(_inside(b, starts, last), value, _filling(eqn, value.dtype))
         out[index] = value
     return out
 
 
 def _starts(
-    b: Builder, rank: int, indices: Elements, dims: Sequence[SupportsIndex], wraps: bool = False
+    b: Builder, rank: int, indices: Elements, dims: Sequence[SupportsIndex]
 ) -> list[Scalar]:
     """Return the start of a window by dimension; zero in those without an index."""
     starts: list[Scalar] = [INT.type(0)] * rank
     for index, dim in zip(indices, dims, strict=True):
-        starts[dim] = _index(b, index, wraps)
+        starts[dim] = _index(b, index)
     return starts
 
 
 def _inside(b: Builder, starts: Sequence[Scalar], last: Sequence[int]) -> Scalar:
     condition: Scalar = np.True_
     for start, end in zip(starts, last, strict=True):
-        condition = b.operation("and", condition, b.operation("ge", start, INT.type(0)))
-        condition = b.operation("and", condition, b.operation("le", start, INT.type(end)))
+        kind = start.dtype.type
+        condition = b.operation("and", condition, b.operation("ge", start, kind(0)))
+        condition = b.operation("and", condition, b.operation("le", start, kind(end)))
     return condition
 
 
@@ -241,10 +244,12 @@ def _scatter(b: Builder, eqn, x: Elements, indices: Elements, updates: Elements)
             numbers.operand_batching_dims, numbers.scatter_indices_batching_dims, strict=True
         ):
             starts[dim] = INT.type(batch[of])
-        inside = _inside(b, starts, last)
+        inside: Scalar = np.True_
         if mode == GatherScatterMode.CLIP:
             starts = [_clamped(b, s, end) for s, end in zip(starts, last, strict=True)]
-            inside = np.True_
+        else:
+            inside = _inside(b, starts, last)
+            starts = [b.convert(start, INT) for start in starts]
         at = _linear(b, _shifted(b, starts, offset), x.shape)
         _put(b, flat, at, inside, _joined(b, eqn, join, updates[index]))
     out = np.empty(len(flat), object)
