@@ -393,7 +393,7 @@ class FaultTolerant(AbstractSampledController):
         alarmed = jnp.any(jnp.stack([one.alarmed for one in diagnoses]))
         mix = {} if memory.mix is None else {"torque_unmade": memory.mix.unmade}
         return mix | {
-            "diagnosed_kind": jnp.concatenate([one.kind for one in diagnoses]),
+            "diagnosed_kind": as_float(jnp.concatenate([one.kind for one in diagnoses])),
             "detection_statistic": nearest / self.diagnosis.threshold,
             "alarm": jnp.where(alarmed, 1.0, 0.0),
         }

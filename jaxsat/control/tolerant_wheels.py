@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.diagnosis.diagnosis import MOST_RETURNS, WEAK, DiagnosisMemory
+from jaxsat.control.diagnosis.isolation import NONE
 from jaxsat.control.diagnosis.residual import Reading, momentum_with_rotors
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.control.momentum_fit import MomentumFit, MomentumMemory
@@ -139,7 +140,7 @@ class TolerantWheels(AbstractTolerantActuators):
 
     def changed(self, memory: TolerantMemory) -> BoolScalar:
         """Whether a wheel has failed, even if it stays in service."""
-        return jnp.any((memory.diagnosis.kind >= 0) | self.known)
+        return jnp.any((memory.diagnosis.kind != NONE) | self.known)
 
     def missing(self, memory: TolerantMemory) -> Vector:
         """Return the normal of the two driven axes, or zero."""

@@ -12,10 +12,12 @@ from typing import Annotated, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.control.diagnosis.isolation import (
+    NONE,
     PENALTY,
+    Diagnosed,
     DiagnosedKind,
     Evidence,
     Hypotheses,
@@ -96,9 +98,6 @@ TOLD_APART = 2 * PENALTY / WEAK**2
 MOST_RETURNS = 2
 """Recoveries after which an actuator that fails once more is not trusted again."""
 
-NONE = -1.0
-"""The kind of an actuator that works."""
-
 
 class Stage(enum.IntEnum):
     """Stage of the diagnosis: nothing suspected, or an alarm whose cause is being isolated."""
@@ -111,7 +110,7 @@ class DiagnosisMemory(NamedTuple):
     """Verdicts on each actuator, and the state of the tests.
 
     `statistic` (tests, m) has the CUSUMs of loss, of flow for each sign that it may have, and of a
-    full loss. `condition` and `kind` (a `DiagnosedKind`, or -1) are the verdicts, `returns` counts
+    full loss. `condition` and `kind` (`Diagnosed`) are the verdicts, `returns` counts
     recoveries. `age` (s) is the time since the last alarm, verdict or dismissal, `suspect` the
     likeliest actuator, and `rival` marks those that explain the residuals nearly as well. `doubt`
     (in the residuals' unit) is the standard deviation of the last residual, model errors included.
@@ -126,7 +125,7 @@ class DiagnosisMemory(NamedTuple):
     suspect: IntScalar
     rival: Bool[Array, " m"]
     condition: ActuatorCondition
-    kind: Float[Array, " m"]
+    kind: Annotated[Int[Array, " m"], Diagnosed]
     returns: Float[Array, " m"]
 
     @property
@@ -189,7 +188,7 @@ class Diagnosis(eqx.Module):
             jnp.array(0),
             zero >= 0,
             ActuatorCondition.sound(count),
-            zero + NONE,
+            jnp.full(count, NONE, int),
             zero,
         )
 

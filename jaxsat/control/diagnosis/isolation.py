@@ -4,6 +4,7 @@ A failed actuator lacks the fraction a of its command and makes the fraction b o
 all the time. The kinds of failure are points and lines in the plane of (a, b).
 """
 
+import enum
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -30,6 +31,15 @@ class DiagnosedKind(AbstractFailureKind):
     FRICTION_UP = 6, "friction-up", "the rotor is braked"
     RUNAWAY = 7, "runaway", "full motor torque, which drives the rotor on"
     STOPPED = 8, "stopped", "the rotor stands still"
+
+
+NONE = -1
+"""The kind of an actuator that works."""
+
+Diagnosed = enum.IntEnum(
+    "Diagnosed", {"NONE": NONE} | {one.name: one.value for one in DiagnosedKind}
+)
+"""Verdict on an actuator: the kind of its failure, or none."""
 
 
 class Hypotheses(NamedTuple):
