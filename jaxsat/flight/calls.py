@@ -15,7 +15,8 @@ from jaxtyping import Float, PyTree
 from jaxsat.flight.flight import Input, State
 from jaxsat.flight.interface import Parameter
 from jaxsat.flight.program import FlightProgram
-from jaxsat.flight.vectors import EXTREMES, Reference
+from jaxsat.flight.reference import Reference
+from jaxsat.flight.vectors import EXTREMES
 
 STEP, INIT, COAST = 0, 1, 2
 """Indices of the entry points."""

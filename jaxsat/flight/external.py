@@ -27,7 +27,8 @@ from jaxsat.flight.calls import unpacked
 from jaxsat.flight.flight import CannotExport, FlightController, Measured, Seen
 from jaxsat.flight.harness import ABI
 from jaxsat.flight.program import FlightProgram, flight_program, is_parameter
-from jaxsat.flight.vectors import rows_of, with_law
+from jaxsat.flight.reference import rows_of
+from jaxsat.flight.vectors import with_law
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState

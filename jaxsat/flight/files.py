@@ -38,11 +38,12 @@ from jaxsat.flight.recording import (
     recording_text,
     rounding,
 )
+from jaxsat.flight.reference import Reference
 from jaxsat.flight.search import NoSearch, found_calls
 from jaxsat.flight.source import header, source
 from jaxsat.flight.templates import DEVIATIONS, template
 from jaxsat.flight.trace_table import trace_table
-from jaxsat.flight.vectors import Reference, Vectors, vectors
+from jaxsat.flight.vectors import Vectors, vectors
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
@@ -54,7 +55,8 @@ class Request:
 
     `title`, `scenario` (TOML) and `provenance` (versions, platform, time) go into the files. `keys`
     are those that the law declares: they bound its parameters. `hold_samples` is the default of the
-    guard: consecutive calls without a step for which commands are held.
+    guard: consecutive calls without a step for which commands are held. `law` is the value of
+    `control.law`.
     """
 
     loop: AbstractLoop

@@ -6,8 +6,8 @@ from jaxtyping import Float
 from jaxsat.core.text import csv_text
 from jaxsat.flight.calls import trees_of
 from jaxsat.flight.program import FlightProgram
+from jaxsat.flight.reference import Reference
 from jaxsat.flight.templates import template
-from jaxsat.flight.vectors import Reference
 
 Recording = Float[np.ndarray, "samples numbers"]
 """Rows of inputs, then commands."""

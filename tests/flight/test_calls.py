@@ -21,9 +21,9 @@ from jaxsat.flight.files import Request, export
 from jaxsat.flight.harness import calls_header, records_header
 from jaxsat.flight.interface import parameters
 from jaxsat.flight.program import flight_program
+from jaxsat.flight.reference import Reference
 from jaxsat.flight.search import NoSearch, found_calls
 from jaxsat.flight.source import header, source
-from jaxsat.flight.vectors import Reference
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from tests.flight.folders import write_files

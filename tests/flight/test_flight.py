@@ -16,8 +16,8 @@ from jaxtyping import Array
 from jaxsat.flight.flight import Input, Seen, State
 from jaxsat.flight.interface import rows
 from jaxsat.flight.program import flight_program
+from jaxsat.flight.reference import Reference
 from jaxsat.flight.source import header, source
-from jaxsat.flight.vectors import Reference
 from tests.flight.laws import Clocked, Filtered, loop_of, start
 from tests.flight.mode_names import bare_modes, enumerated
 

@@ -12,6 +12,7 @@ from jaxsat.compiler.llvm.mapped import compiled_over_cases
 from jaxsat.control.guard import Guard
 from jaxsat.core.errors import ArgumentError
 from jaxsat.flight import vectors
+from jaxsat.flight.reference import rows_of
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from tests.flight.guarded import Guarded
@@ -52,7 +53,7 @@ def _flown(run, count: int) -> tuple[list[Any], list[Any]]:
 
 
 def _row(tree) -> np.ndarray:
-    return vectors.rows_of(tree)[0]
+    return rows_of(tree)[0]
 
 
 @needs("gcc")
