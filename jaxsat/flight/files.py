@@ -69,6 +69,7 @@ class Request:
     libm: bool = False
     keys: tuple[Key, ...] = ()
     hold_samples: int = HOLD_SAMPLES
+    law: str = "another"
 
 
 @dataclass(frozen=True)
@@ -169,9 +170,7 @@ def export_plan(request: Request, begin: float) -> Mapping[str, bytes]:
     law = FlightController.of(loop).law
     plan = plan_table(law, single=request.single)
     if not plan:
-        raise CannotExport(
-            f"control.law: must be a law that plans, for a plan, got {type(law).__name__}"
-        )
+        raise CannotExport(f"control.law: must be a law that plans, for a plan, got {request.law}")
     return {name: text.encode() for name, text in plan_files(plan, [*_title(request), ""]).items()}
 
 

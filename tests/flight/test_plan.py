@@ -73,7 +73,7 @@ int main(void)
 def request_of(*, single=False, law="planned"):
     run = build(load("acceptance-nominal", [f"control.law={law}"]))
     keys = load("acceptance-nominal", [f"control.law={law}"]).law.declaration.keys
-    return Request(run.loop, run.start, 1.0, "", "", PROVENANCE, single, keys=keys)
+    return Request(run.loop, run.start, 1.0, "", "", PROVENANCE, single, keys=keys, law=law)
 
 
 @pytest.fixture(scope="module", params=[False, True], ids=["double", "single"])
@@ -161,7 +161,7 @@ def test_a_study_flies_the_tracker_in_the_loop(made):
 
 
 def test_a_law_that_does_not_plan_has_no_plan():
-    with pytest.raises(CannotExport, match="must be a law that plans"):
+    with pytest.raises(CannotExport, match="must be a law that plans, for a plan, got three-slew"):
         export_plan(request_of(law="three-slew"), 0.0)
 
 
