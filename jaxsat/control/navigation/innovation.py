@@ -7,7 +7,6 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
-from numpy.typing import DTypeLike
 
 from jaxsat.core.array_types import BoolScalar, RealScalar
 from jaxsat.core.checks import as_float, require_counts
@@ -50,9 +49,10 @@ class InnovationTest(eqx.Module):
         self.vector_threshold = as_float(threshold(false_alarm_probability, VECTOR_DEGREES))
         self.patience = patience
 
-    def init(self, sensors: int, dtype: DTypeLike) -> InnovationRecord:
-        """Return the record of so many sensors before their first readings."""
-        return InnovationRecord(jnp.zeros(sensors, dtype), jnp.zeros(sensors, dtype))
+    def init(self, sensors: int, like: Array) -> InnovationRecord:
+        """Return the record of so many sensors before their first readings, in `like`'s type."""
+        zeros = jnp.zeros(sensors, like.dtype)
+        return InnovationRecord(zeros, zeros)
 
     def excluded(self, record: InnovationRecord) -> Float[Array, " m"]:
         """Return 1 for each sensor that is excluded, 0 for the others."""

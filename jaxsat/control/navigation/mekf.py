@@ -97,7 +97,7 @@ class MultiplicativeFilter(AbstractEstimator):
         record = None
         if self.test is not None:
             sensors = len(self.vector_noise) + (self.tracker is not None)
-            record = self.test.init(sensors, zero.dtype)
+            record = self.test.init(sensors, zero)
         return KalmanMemory(belief, jnp.zeros((self.latency + 1, 3), zero.dtype), record)
 
     def step(

@@ -22,7 +22,7 @@ from jaxsat.core.checks import as_float, not_negative
 from jaxsat.core.noise import fold_in, name_number, sample_noise
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
-from jaxsat.spacecraft.sensor_failures import SensorFailures, SensorReading
+from jaxsat.spacecraft.sensor_failures import SensorCondition, SensorFailures, SensorReading
 from jaxsat.spacecraft.sensors import as_key, in_parameters_of
 from jaxsat.spacecraft.vector_sensors import Observation, VectorSensor
 
@@ -172,25 +172,41 @@ class Navigation(eqx.Module):
         if failures is None or last is None:
             return new, None
         count = len(self.vectors) + (self.tracker is not None)
-        conditions = list(failures.conditions(sample, period, self.key, count))
-        read, kept = {}, {}
-        if self.tracker is not None:
-            readings = (SensorReading(one.attitude, one.seen) for one in (new, last))
-            due = self.tracker.is_due(sample, period)
-            pair = failures.attitude(conditions.pop(0), *readings, due, period)
-            for each, one in zip((read, kept), pair, strict=True):
-                each.update(attitude=one.value, seen=one.seen)
-        vectors = zip(self.vectors, conditions, new.vectors, last.vectors, strict=True)
-        pairs = []
-        for sensor, condition, *observations in vectors:
-            readings = (SensorReading(one.measured, one.seen) for one in observations)
-            pair = failures.vector(condition, *readings, sensor.is_due(sample, period))
-            reference = observations[0].reference
-            pairs.append([Observation(one.value, reference, one.seen) for one in pair])
-        return (
-            new._replace(**read, vectors=tuple(one for one, _ in pairs)),
-            last._replace(**kept, vectors=tuple(one for _, one in pairs)),
-        )
+        conditions = failures.conditions(sample, period, self.key, count)
+        read, kept = [], []
+        vectors = zip(self.vectors, conditions[count - len(self.vectors) :], strict=True)
+        for place, (sensor, condition) in enumerate(vectors):
+            now, before = new.vectors[place], last.vectors[place]
+            one, other = failures.vector(
+                condition,
+                SensorReading(now.measured, now.seen),
+                SensorReading(before.measured, before.seen),
+                sensor.is_due(sample, period),
+            )
+            read.append(Observation(one.value, now.reference, one.seen))
+            kept.append(Observation(other.value, now.reference, other.seen))
+        attitude, attitude_kept = self._tracker_reading(sample, period, conditions[0], new, last)
+        return Delivery(*attitude, tuple(read)), Delivery(*attitude_kept, tuple(kept))
+
+    def _tracker_reading(
+        self,
+        sample: IntScalar,
+        period: RealScalar,
+        condition: SensorCondition,
+        new: Delivery,
+        last: Delivery,
+    ) -> tuple[SensorReading | tuple[None, None], SensorReading | tuple[None, None]]:
+        """The star tracker's readings of `_with_failures`; None without one."""
+        now, seen, before, had = new.attitude, new.seen, last.attitude, last.seen
+        if self.tracker is None or self.failures is None:
+            return (None, None), (None, None)
+        assert now is not None
+        assert seen is not None
+        assert before is not None
+        assert had is not None
+        readings = SensorReading(now, seen), SensorReading(before, had)
+        due = self.tracker.is_due(sample, period)
+        return self.failures.attitude(condition, *readings, due, period)
 
     def _arriving(self, queue: Delivery) -> Delivery:
         """The present delivery from the queue of present and earlier measurements."""
