@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.diagnosis.diagnosis import Diagnosis, DiagnosisMemory, false_alarm_rate
 from jaxsat.control.diagnosis.residual import Reading
+from jaxsat.control.diagnosis.rod_fit import Outside
 from jaxsat.control.quaternion_feedback import QuaternionFeedback, QuaternionFeedbackMemory
 from jaxsat.control.reconfiguration import Left
 from jaxsat.control.sampled import AbstractSampledController
@@ -127,7 +128,7 @@ class FaultTolerant(AbstractSampledController):
         )
         mode = jnp.array(int(TolerantMode.THREE_AXES))
         mix = MixMemory.begin() if len(self.actuators) > 1 else None
-        rods = None if self.rods is None else RodMemory.begin()
+        rods = None if self.rods is None else self.rods.begin(state.omega)
         band = None if self.band is None else BandMemory.begin()
         magnetic = None if self.magnetic is None else self.magnetic.init(state)
         healthy = self.healthy.init(state)
@@ -137,6 +138,18 @@ class FaultTolerant(AbstractSampledController):
         self, t: RealScalar, state: PlantState, memory: FaultTolerantMemory
     ) -> tuple[Float[Array, " m"], FaultTolerantMemory]:
         """Return the command of each actuator, kind by kind, and the next memory."""
+        if self.rods is None or memory.rods is None:
+            return self._acting(t, state, memory)
+        rods = self._watched(t, state, memory, memory.rods)
+        left = self.rods.diagnosed(rods)
+        magnetic = None if self.magnetic is None else self.magnetic.diagnosed(left)
+        law = dataclasses.replace(self, rods=left, magnetic=magnetic)
+        return law._acting(t, state, memory._replace(rods=rods))
+
+    def _acting(
+        self, t: RealScalar, state: PlantState, memory: FaultTolerantMemory
+    ) -> tuple[Float[Array, " m"], FaultTolerantMemory]:
+        """Return commands and memory with the magnetorquers that work, by their diagnosis."""
         reading = _reading(state, memory.rods)
         sample = Sample(t, state, reading, self.healthy)
         kinds = [
@@ -255,8 +268,8 @@ class FaultTolerant(AbstractSampledController):
         dipoles = self.rods.beside_wheels(field, relief, torque, axis)
         if flight is not None:
             dipoles = jnp.where(flight.acts, flight.dipoles, dipoles)
-        made, after = self.rods.act(field, dipoles, self.period, before)
-        return [dipoles], made, after
+        commands, made, after = self.rods.act(field, dipoles, self.period, before)
+        return [commands], made, after
 
     def _coasting(
         self, sample: Sample, left: _Left, torque: Vector, mix: Mix, before: BandMemory | None
@@ -338,6 +351,20 @@ class FaultTolerant(AbstractSampledController):
             one.watch, reading, memory.commanded, self.period, memory.diagnosis, one.needed(memory)
         )
 
+    def _watched(
+        self, t: RealScalar, state: PlantState, memory: FaultTolerantMemory, rods: RodMemory
+    ) -> RodMemory:
+        """Update the diagnosis of magnetorquers by one sample, beside thrusters."""
+        if self.rods is None:
+            return rods
+        thrust, quiet = jnp.zeros(3), jnp.array(True)
+        for one, before in zip(self.actuators, memory.actuators, strict=True):
+            thrust = thrust + one.pushed(before, self.period)
+            quiet = quiet & one.quiet(before)
+        stored = cast(Vector, self._stored(_reading(state)))
+        outside = Outside(thrust, quiet)
+        return self.rods.watched(t, state, stored, outside, self.period, rods, self.diagnosis)
+
     def _mode(
         self,
         three: BoolScalar,
@@ -385,18 +412,22 @@ class FaultTolerant(AbstractSampledController):
 
     def telemetry(self, memory: FaultTolerantMemory) -> dict[str, Array]:
         """Return verdict and detection statistic of each actuator, and whether an alarm is on; with
-        several kinds also the torque (N m) about three axes that they fail to make."""
+        several kinds also the torque (N m) about three axes that they fail to make, and with
+        magnetorquers the part of its dipole that each makes."""
+        fit = None if memory.rods is None else memory.rods.fit
+        rods = {} if fit is None else {"diagnosed_dipole": fit.part}
         diagnoses = [one.diagnosis for one in memory.actuators]
         if not diagnoses:
-            return {}
+            return rods
         nearest = jnp.concatenate([jnp.max(one.statistic, axis=0) for one in diagnoses])
         alarmed = jnp.any(jnp.stack([one.alarmed for one in diagnoses]))
         mix = {} if memory.mix is None else {"torque_unmade": memory.mix.unmade}
-        return mix | {
+        verdicts = {
             "diagnosed_kind": as_float(jnp.concatenate([one.kind for one in diagnoses])),
             "detection_statistic": nearest / self.diagnosis.threshold,
             "alarm": jnp.where(alarmed, 1.0, 0.0),
         }
+        return mix | rods | verdicts
 
     @property
     def tells_unmade(self) -> bool:
@@ -418,4 +449,4 @@ def _instead(
 
 def _reading(state: PlantState, rods: RodMemory | None = None) -> Reading:
     """Return the measured rate and wheel momenta, and the mean torque of magnetorquers since."""
-    return Reading(state.omega, wheel_momentum(state), None if rods is None else rods.acting)
+    return Reading(state.omega, wheel_momentum(state), None if rods is None else rods.torque)

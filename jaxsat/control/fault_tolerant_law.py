@@ -1,5 +1,7 @@
 """Builders of the settling laws and of the fault-tolerant law from tables of a scenario."""
 
+import dataclasses
+import math
 from collections.abc import Callable, Iterable, Mapping
 from operator import attrgetter
 from typing import Any, NamedTuple, TypeVar, cast
@@ -11,11 +13,13 @@ from jaxtyping import Float
 
 from jaxsat.control.controller import (
     LawContext,
+    MagneticContext,
     ThrusterContext,
     UnsuitableModel,
     WheelContext,
 )
 from jaxsat.control.diagnosis.diagnosis import Diagnosis
+from jaxsat.control.diagnosis.rod_fit import INTERVAL, RodFit
 from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.control.fault_tolerant import PARALLEL, FaultTolerant
@@ -45,7 +49,7 @@ from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.control.third_axis_band import ThirdAxisBand
 from jaxsat.control.tolerant_actuators import AbstractTolerantActuators
 from jaxsat.control.tolerant_magnetic import tolerant_magnetic
-from jaxsat.control.tolerant_rods import TolerantRods
+from jaxsat.control.tolerant_rods import MOST_RODS, TolerantRods
 from jaxsat.control.tolerant_thrusters import SettlingLaws, TolerantThrusters
 from jaxsat.control.tolerant_wheels import TolerantWheels
 from jaxsat.control.two_wheels import TwoWheels
@@ -54,6 +58,7 @@ from jaxsat.core.checks import as_array, as_float
 from jaxsat.core.declaration.law import LawDeclaration
 from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE, OSCILLATORY, PLANNED, THREE_SLEW
 from jaxsat.core.inertia import normal_axes
+from jaxsat.spacecraft.environment.disturbances import GravityGradient
 from jaxsat.spacecraft.wheels import Wheels
 
 
@@ -136,6 +141,9 @@ LEAST_NOISE = 1e-3
 """Least noise assumed for a noiseless sensor, over the change by the strongest actuator in a
 period."""
 
+LEAST_RATE_NOISE = 1e-3
+"""Least noise of a rate assumed for the diagnosis of magnetorquers, over the orbital rate."""
+
 MOMENTUM_UNKNOWN, MOMENTUM_NOISE = 1.0, 2e-4
 """Standard deviations of a total momentum before any sample and of one sample, as rates over the
 natural frequency."""
@@ -183,7 +191,7 @@ def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> Faul
         ),
         actuators=tuple(actuators),
         period=values["period_s"],
-        rods=_tolerant_rods(context),
+        rods=_tolerant_rods(values, context),
         magnetic=tolerant_magnetic(values, context, settles),
         band=_band(values["third_axis_band_rad"], context),
     )
@@ -234,10 +242,35 @@ def _band(band: float | None, context: LawContext) -> ThirdAxisBand | None:
     return ThirdAxisBand(band, thrusters.model.torque, pulse, cost)
 
 
-def _tolerant_rods(context: LawContext) -> TolerantRods | None:
+def _tolerant_rods(values: Mapping[str, Any], context: LawContext) -> TolerantRods | None:
     if context.magnetic is None:
         return None
-    return TolerantRods.of(context.magnetic.steering, context.delay)
+    steering = context.magnetic.steering
+    asked = np.any(np.asarray(steering.shares) != 0, axis=1)
+    fit = _rod_fit(context, values["period_s"]) if len(asked) <= MOST_RODS else None
+    return TolerantRods.of(steering, context.delay, fit)
+
+
+def _rod_fit(context: LawContext, period: float) -> RodFit:
+    """Build the filter of losses with the noise of the momentum of body and wheels."""
+    steering, body = cast(MagneticContext, context.magnetic).steering, context.model.spacecraft
+    model, rate = context.model, float(steering.field.circle.rate)
+    if context.gravity_gradient:
+        model = dataclasses.replace(model, disturbance=GravityGradient(rate))
+    largest = float(np.linalg.eigvalsh(np.asarray(body.inertia))[-1])
+    noise = largest * max(context.rate_noise, LEAST_RATE_NOISE * rate)
+    if context.wheels is not None:
+        noise = math.hypot(noise, np.linalg.norm(_momentum_noise(context.wheels, period)))
+    turns = np.arange(8) * np.pi / 4
+    fields = steering.field.sampled(turns / rate, turns[:, None])
+    return RodFit(
+        count=len(np.asarray(steering.dipole_limit)),
+        model=model,
+        noise=noise,
+        dipole=np.mean(np.asarray(steering.dipole_limit)),
+        strength=np.sqrt(np.mean(np.sum(fields**2, axis=-1))),
+        span=INTERVAL * 2 * np.pi / rate,
+    )
 
 
 def _tolerant_thrusters(

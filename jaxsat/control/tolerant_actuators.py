@@ -168,6 +168,14 @@ class AbstractTolerantActuators(eqx.Module):
         """Whether a failed actuator makes a constant torque on the spacecraft."""
         return jnp.zeros_like(memory.diagnosis.alarmed)
 
+    def pushed(self, memory: TolerantMemory, period: RealScalar) -> Vector:
+        """Return the mean torque (N m) on body and wheels since the last sample, as expected."""
+        return jnp.zeros(3)
+
+    def quiet(self, memory: TolerantMemory) -> BoolScalar:
+        """Whether `pushed` is as expected: nothing is suspected that makes torques from outside."""
+        return jnp.array(True)
+
     def thrust_limit(self, memory: TolerantMemory) -> Float[Array, " m"] | None:
         """Return the fraction of its thrust that each thruster makes; None for other kinds."""
 

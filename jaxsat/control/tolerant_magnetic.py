@@ -14,6 +14,7 @@ from jaxsat.control.magnetic import MagneticLaw, MagneticMemory, MagneticMode
 from jaxsat.control.periodic_gain import PeriodicGain
 from jaxsat.control.reconfiguration import Left
 from jaxsat.control.tolerant_actuators import Sample, tolerant_mode
+from jaxsat.control.tolerant_rods import TolerantRods
 from jaxsat.control.wheel_allocation import Wheeled
 from jaxsat.core.array_types import BoolScalar, IntScalar
 from jaxsat.core.checks import as_array
@@ -112,6 +113,14 @@ class TolerantMagnetic(eqx.Module):
     def init(self, state: PlantState) -> TolerantMagneticMemory:
         """Another law flies."""
         return TolerantMagneticMemory(self.laws.init(state), jnp.array(NOWHERE))
+
+    def diagnosed(self, rods: TolerantRods) -> "TolerantMagnetic":
+        """Return a copy that steers with what these magnetorquers still make."""
+        if rods.fit is None:
+            return self
+        now = (rods.steering.shares, rods.steering.dipole_limit)
+        places = lambda law: (law.steering.shares, law.steering.dipole_limit)  # noqa: E731
+        return dataclasses.replace(self, laws=eqx.tree_at(places, self.laws, now))
 
     def act(
         self,

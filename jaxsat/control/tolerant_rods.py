@@ -11,12 +11,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from jaxsat.control.diagnosis.diagnosis import Diagnosis
+from jaxsat.control.diagnosis.rod_fit import Columns, Outside, RodFit, RodFitMemory, RodSample
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.control.tolerant_actuators import Sample
 from jaxsat.core.array_types import BoolScalar, Matrix, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import SMALLEST, root
 from jaxsat.spacecraft.allocation import allocate
+from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.magnetorquers import MagneticSteering
 
 INSTANTS = 64
@@ -46,18 +49,38 @@ HURRY = 0.2
 """Unloading rate of body and wheels while nothing drives an axis, over the natural frequency."""
 
 
-class RodMemory(NamedTuple):
-    """Torque (N m) of the last dipoles, `commanded`, and its mean until the next sample, `acting`,
-    in part from earlier dipoles; whether momentum is too large to hold an axis, `overloaded`."""
+MOST_RODS = 4
+"""Number of magnetorquers up to which they are diagnosed: each set of those that work is tabled."""
 
-    commanded: Vector
-    acting: Vector
+
+class RodMemory(NamedTuple):
+    """Torque (N m) of each magnetorquer by its last dipole, `commanded`, and its mean until the
+    next sample, `acting`, in part from earlier dipoles; whether momentum is too large to hold an
+    axis, `overloaded`; and the diagnosis, None without one."""
+
+    commanded: Columns
+    acting: Columns
     overloaded: BoolScalar
+    fit: RodFitMemory | None = None
 
     @staticmethod
-    def begin() -> "RodMemory":
+    def begin(count: int, fit: RodFitMemory | None = None) -> "RodMemory":
         """Return the memory before the first dipole."""
-        return RodMemory(jnp.zeros(3), jnp.zeros(3), jnp.array(False))
+        none = jnp.zeros((3, count))
+        return RodMemory(none, none, jnp.array(False), fit)
+
+    @property
+    def torque(self) -> Vector:
+        """The mean torque (N m) of all since the last sample."""
+        made = self.acting if self.fit is None else self.acting * self.fit.part[None]
+        return jnp.sum(made, axis=1)
+
+
+class RodSets(NamedTuple):
+    """For each set of magnetorquers that work, by its number Σ 2^i: `shares` and `power`."""
+
+    shares: Float[Array, "sets k 3"]
+    power: Float[Array, "sets 3 3"]
 
 
 class TolerantRods(eqx.Module):
@@ -69,38 +92,86 @@ class TolerantRods(eqx.Module):
     compensate the part of that torque across n. Remaining dipoles unload these wheels, with no
     torque about n. `steering` has axes, limits, field and unloading rate. n · `power` n (N² m²) is
     the mean square of the largest torque about n at rest in the orbit frame. Commands act `delay`
-    (s) late. Failures of magnetorquers are not diagnosed.
+    (s) late. `fit` diagnoses them, and `sets` are those that may be left; both may be None.
     """
 
     steering: MagneticSteering
     delay: RealScalar = eqx.field(converter=as_float)
     power: Matrix = eqx.field(converter=as_float)
+    fit: RodFit | None = None
+    sets: RodSets | None = None
 
     def __check_init__(self):
         require_positive("delay", self.delay, zero_allowed=True)
 
     @classmethod
-    def of(cls, steering: MagneticSteering, delay: float) -> "TolerantRods":
+    def of(
+        cls, steering: MagneticSteering, delay: float, fit: RodFit | None = None
+    ) -> "TolerantRods":
         """Build with `power` averaged over the orbit and the Earth's rotation."""
-        axes, shares = np.asarray(steering.axes), np.asarray(steering.shares)
-        working = np.any(shares != 0, axis=1)
-        if np.linalg.matrix_rank(axes[:, working]) < 2:
-            return cls(steering, delay, np.zeros((3, 3)))
+        axes, asked = np.asarray(steering.axes), np.any(np.asarray(steering.shares) != 0, axis=1)
         turns = np.arange(INSTANTS) * 2 * np.pi / INSTANTS
         along = turns / float(steering.field.circle.rate)
         fields = steering.field.sampled(along, turns[:, None])
         across = np.cross(fields[..., None, :], np.eye(3)).swapaxes(-1, -2)  # B × n of n
-        across = np.asarray(steering.dipole_limit)[working].min() * axes @ shares @ across
-        return cls(steering, delay, np.mean(across.swapaxes(-1, -2) @ across, axis=(0, 1)))
+
+        def power(shares: np.ndarray) -> np.ndarray:
+            working = np.any(shares != 0, axis=1)
+            if np.linalg.matrix_rank(axes[:, working]) < 2:
+                return np.zeros((3, 3))
+            made = np.asarray(steering.dipole_limit)[working].min() * axes @ shares @ across
+            return np.mean(made.swapaxes(-1, -2) @ made, axis=(0, 1))
+
+        whole = cls(steering, delay, power(np.asarray(steering.shares)), fit)
+        if fit is None:
+            return whole
+        subsets = np.arange(2 ** len(asked))[:, None] >> np.arange(len(asked)) & 1
+        shares = np.stack([_shares(axes, asked & (one > 0)) for one in subsets])
+        sets = RodSets(as_float(shares), as_float(np.stack([power(one) for one in shares])))
+        return dataclasses.replace(whole, sets=sets)
 
     def left(self, working: Bool[np.ndarray, " k"]) -> "TolerantRods":
         """Return a copy with the working magnetorquers alone, if the law knows which these are."""
         axes, asked = np.asarray(self.steering.axes), np.any(self.steering.shares != 0, axis=1)
-        asked = np.asarray(asked) & working
-        shares = np.zeros((len(asked), 3))
-        shares[asked] = np.linalg.pinv(axes[:, asked])
+        shares = _shares(axes, np.asarray(asked) & working)
         steering = dataclasses.replace(self.steering, shares=shares)
         return TolerantRods.of(steering, float(self.delay))
+
+    def begin(self, rate: Vector) -> RodMemory:
+        """Return the memory at the start, with the body at a rate (rad/s)."""
+        fit = None if self.fit is None else self.fit.init(rate)
+        return RodMemory.begin(self.steering.axes.shape[1], fit)
+
+    def watched(
+        self,
+        t: RealScalar,
+        state: PlantState,
+        stored: Vector,
+        outside: Outside,
+        period: RealScalar,
+        memory: RodMemory,
+        diagnosis: Diagnosis,
+    ) -> RodMemory:
+        """Return the memory with the diagnosis after a sample; `stored` (N m s) is in wheels."""
+        if self.fit is None or memory.fit is None:
+            return memory
+        model, field = self.fit.model, self.steering.field.in_body(t, state.attitude)
+        momentum = model.spacecraft.inertia @ state.omega + stored
+        known = model.disturbance_torque(t, state)
+        sample = RodSample(state.omega, momentum, field, memory.acting, known, outside)
+        return memory._replace(fit=self.fit.step(sample, period, memory.fit, diagnosis))
+
+    def diagnosed(self, memory: RodMemory) -> "TolerantRods":
+        """Return a copy with what the magnetorquers still make, by its verdicts."""
+        if self.sets is None or memory.fit is None:
+            return self
+        part = memory.fit.part
+        works = part != 0
+        number = jnp.sum(jnp.where(works, 2 ** jnp.arange(part.shape[0]), 0))
+        limit = self.steering.dipole_limit * jnp.where(works, jnp.abs(part), 1.0)
+        shares = self.sets.shares[number]
+        steering = dataclasses.replace(self.steering, shares=shares, dipole_limit=limit)
+        return dataclasses.replace(self, steering=steering, power=self.sets.power[number])
 
     @property
     def bias(self) -> Vector:
@@ -218,11 +289,26 @@ class TolerantRods(eqx.Module):
 
     def act(
         self, field: Vector, dipoles: Float[Array, " k"], period: RealScalar, before: RodMemory
-    ) -> tuple[Vector, RodMemory]:
-        """Return the torque (N m) of dipoles (A m²) in a field (T), and the next memory."""
-        made = self.steering.reach(field).columns @ dipoles
+    ) -> tuple[Float[Array, " k"], Vector, RodMemory]:
+        """Return the commands (A m²) for dipoles (A m²) in a field (T), their torque (N m), and the
+        next memory."""
+        columns, part = self.steering.reach(field).columns, 1.0
+        if before.fit is not None:
+            part = before.fit.part
+        commands = jnp.where(part == 0, 0.0, dipoles / jnp.where(part == 0, 1.0, part))
+        made = columns * commands[None]
         late = self.delay * before.commanded + (period - self.delay) * made
-        return made, before._replace(commanded=made, acting=late / period)
+        after = before._replace(commanded=made, acting=late / period)
+        return commands, columns @ dipoles, after
+
+
+def _shares(
+    axes: Float[np.ndarray, "3 k"], working: Bool[np.ndarray, " k"]
+) -> Float[np.ndarray, "k 3"]:
+    """Return what maps a dipole to those of the working magnetorquers along axes."""
+    shares = np.zeros((len(working), 3))
+    shares[working] = np.linalg.pinv(axes[:, working])
+    return shares
 
 
 def about(inertia: Matrix, axis: Vector, torque: Vector, slow: Vector) -> Vector:

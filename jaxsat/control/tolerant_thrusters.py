@@ -120,6 +120,16 @@ class TolerantThrusters(AbstractTolerantActuators):
         ability = self.reconfiguration.find(diagnosis.condition, before.ability)
         return before._replace(diagnosis=diagnosis, ability=ability)
 
+    def pushed(self, memory: TolerantMemory, period: RealScalar) -> Vector:
+        """Return the mean torque (N m) since the last sample by commands and verdicts."""
+        condition = memory.diagnosis.condition
+        thrust = condition.part * memory.commanded / period + condition.flow
+        return self.filter.thrusters.torque @ thrust
+
+    def quiet(self, memory: TolerantMemory) -> BoolScalar:
+        """Whether no thruster is suspected, or makes a torque all the time."""
+        return ~memory.diagnosis.alarmed & ~self.flows(memory)
+
     def thrust_limit(self, memory: TolerantMemory) -> Float[Array, " m"]:
         """Return the usable thrust of each thruster, over its full thrust."""
         return memory.ability.limit

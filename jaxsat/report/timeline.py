@@ -50,7 +50,7 @@ def failures_of(scenario: Mapping[str, Any], times: np.ndarray) -> list[tuple[fl
 def verdicts(dataset: Dataset) -> list[tuple[float, str]]:
     """Return times (s) and names of the first alarms and isolations by a diagnosing law."""
     if "diagnosed_kind" not in dataset:
-        return []
+        return _verdicts_on_dipoles(dataset)[:MOST_VERDICTS]
     time, kinds = dataset["time"].values, dataset["diagnosed_kind"].values
     alarm = [mode for mode, name in mode_names(dataset).items() if name == "alarm"]
     in_alarm = np.isin(dataset["mode"].values, alarm)
@@ -61,7 +61,21 @@ def verdicts(dataset: Dataset) -> list[tuple[float, str]]:
         if np.isfinite(kind):
             verdict = f"isolated, {DIAGNOSED[int(kind)]}" if kind >= 0 else "works again"
             events.append((float(time[row + 1]), f"{names[place]}: {verdict}"))
-    return sorted(events)[:MOST_VERDICTS]
+    return sorted([*events, *_verdicts_on_dipoles(dataset)])[:MOST_VERDICTS]
+
+
+def _verdicts_on_dipoles(dataset: xr.Dataset) -> list[tuple[float, str]]:
+    """Return times (s) and names of verdicts on magnetorquers."""
+    if "diagnosed_dipole" not in dataset:
+        return []
+    time, part = dataset["time"].values, dataset["diagnosed_dipole"].values
+    names, events = dataset["magnetorquer"].values, []
+    for row, place in np.argwhere(np.diff((part != 1) & np.isfinite(part), axis=0)):
+        left = part[row + 1, place]
+        if np.isfinite(left):
+            verdict = "works again" if left == 1 else f"isolated, makes {left:.0%}"
+            events.append((float(time[row + 1]), f"magnetorquer {names[place]}: {verdict}"))
+    return events
 
 
 def words_of(part: str) -> str:

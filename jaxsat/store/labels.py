@@ -82,6 +82,11 @@ VARIABLES = {
     "detection_statistic": Label(
         ("thruster",), "1", "CUSUM statistic of each actuator over the threshold of an alarm"
     ),
+    "diagnosed_dipole": Label(
+        ("magnetorquer",),
+        "1",
+        "part of its dipole that each magnetorquer makes by diagnosis: 1 works, 0 is dead or stuck",
+    ),
     "alarm": Label((), "1", "1 while the cause of an alarm is being isolated"),
     "attitude_estimate_error": Label(
         ("body_axis",), "rad", "rotation vector from estimated to true attitude in body axes"

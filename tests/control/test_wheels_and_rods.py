@@ -107,7 +107,7 @@ def test_momentum_beyond_what_magnetorquers_turn_with_the_orbit_frame_is_taken_o
 
     @eqx.filter_jit
     def judged(turn, body, axis, excess, coasting, before):
-        memory = RodMemory.begin()._replace(overloaded=before)
+        memory = RodMemory.begin(3)._replace(overloaded=before)
         return rods.overloaded(sample(turn, body), axis, excess, coasting, memory)
 
     def overloaded(part, turn, before, of_body=0.3, axis=axis, idle=0.0):

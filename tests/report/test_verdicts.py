@@ -28,6 +28,21 @@ def test_alarms_and_verdicts_are_found_in_the_signals():
     assert verdicts(named)[1] == (30.0, "thruster a-: isolated, stuck on")
 
 
+def test_verdicts_on_magnetorquers_tell_what_part_of_its_dipole_each_makes():
+    part = np.ones((6, 2))
+    part[2:5, 1], part[3, 1], part[4:, 0] = 0.4, 0.42, 0.0
+    part[5, 1] = 1.0
+    found = xr.Dataset(
+        {"diagnosed_dipole": xr.Variable(("time", "magnetorquer"), part)},
+        {"time": np.arange(6) * 10.0, "magnetorquer": ["x", "y"]},
+    )
+    assert verdicts(found) == [
+        (20.0, "magnetorquer y: isolated, makes 40%"),
+        (40.0, "magnetorquer x: isolated, makes 0%"),
+        (50.0, "magnetorquer y: works again"),
+    ]
+
+
 def test_every_kind_has_its_words():
     assert len(DIAGNOSED) == len(DiagnosedKind)
     for kind in DiagnosedKind:

@@ -1,0 +1,219 @@
+"""Losses of magnetorquers by the momentum of body and wheels: against SciPy, NumPy and flights."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from jaxsat.control.diagnosis.rod_fit import (
+    INTERVAL,
+    TURNED,
+    UNTOLD,
+    WALK,
+    Outside,
+    RodSample,
+)
+from jaxsat.control.tolerant_rods import RodMemory
+from jaxsat.core.attitude import Quaternion
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.spacecraft.dynamics import PlantState
+
+PERIOD = 0.5
+LEFT, LIMIT = np.array([1.0, 0.0, 0.3]), 0.2
+BODY, PUSH = np.array([0.004, -0.006, 0.003]), np.array([2e-8, -3e-8, 1e-8])  # A m², N m
+KNOWN = np.array([4e-8, 3e-8, -2e-8])  # N m
+FLIGHT = 5000
+
+
+@pytest.fixture(scope="module")
+def law():
+    return build(load("cubesat-3w3m")).loop.controller
+
+
+def rate(t):
+    return np.stack([2e-3 * np.sin(0.01 * t), -1.1e-3 + 0 * t, 1e-3 * np.cos(0.017 * t)])
+
+
+def field(t):
+    return 1e-5 * np.stack([2 * np.cos(2.2e-3 * t), 1.5 + np.sin(1e-3 * t), 3 * np.sin(2.2e-3 * t)])
+
+
+def dipoles(t):
+    """Commands, held over a period."""
+    t = PERIOD * np.floor(t / PERIOD + 1e-9)
+    return 0.1 * np.stack([np.sin(0.011 * t), np.cos(0.007 * t), np.sin(0.005 * t + 1)])
+
+
+@pytest.fixture(scope="module")
+def flight():
+    """Momentum by SciPy, of magnetorquers of which one is dead and one makes less."""
+
+    def momentum_rate(t, momentum):
+        made = np.cross(LEFT * dipoles(t) + BODY, field(t)) + PUSH + KNOWN
+        return made - np.cross(rate(t), momentum)
+
+    times = PERIOD * np.arange(FLIGHT)
+    start = np.array([1e-3, -5e-4, 2e-3])
+    options = {"t_eval": times, "rtol": 1e-9, "atol": 1e-13, "max_step": PERIOD}
+    return times, solve_ivp(momentum_rate, (0, times[-1]), start, **options).y.T
+
+
+def torques(times):
+    """Mean torque of each magnetorquer in the period before every time, as commanded."""
+    middle = times - PERIOD / 2
+    return np.cross(np.eye(3), field(middle).T[:, None]).swapaxes(1, 2) * dipoles(middle).T[:, None]
+
+
+def samples(times, momentum, quiet=True):
+    count = len(times)
+    none, known = jnp.zeros((count, 3)), np.tile(KNOWN, (count, 1))
+    outside = Outside(none, jnp.full(count, quiet))
+    fields = field(times - PERIOD / 2).T
+    each = (rate(times).T, momentum, fields, torques(times), known)
+    return RodSample(*map(jnp.asarray, each), outside)
+
+
+@eqx.filter_jit
+def flown(law, samples):
+    fit = law.rods.fit
+
+    def one(memory, sample):
+        after = fit.step(sample, law.period, memory, law.diagnosis)
+        return after, after
+
+    return jax.lax.scan(one, fit.init(samples.rate[0]), samples)[1]
+
+
+def filtered(law, times, momentum):
+    """Losses, dipole and torque with their standard deviations, all three equations at once."""
+    fit, count = law.rods.fit, int(np.ceil(float(law.rods.fit.span) / PERIOD - 1e-9))
+    unit, omega = float(fit.model.spacecraft.momentum_unit), rate(times).T
+    inertia = np.asarray(fit.model.spacecraft.inertia)
+    mean = (omega[1:] + omega[:-1]) / 2
+    change = np.diff(momentum, axis=0)
+    change = change + PERIOD * np.cross(mean, (momentum[1:] + momentum[:-1]) / 2)
+    each = torques(times)[1:]
+    change = change - PERIOD * (each.sum(axis=2) + KNOWN)
+    fields = field(times - PERIOD / 2).T[1:]
+    estimate, covariance = np.zeros(9), np.eye(9)
+    begin = 0
+    while begin + count < len(times):
+        one, age = slice(begin, begin + count), count * PERIOD
+        impulses = PERIOD * each[one].sum(axis=0)
+        of_field = np.cross(np.eye(3), PERIOD * fields[one].sum(axis=0)).T * float(fit.dipole)
+        of_torque = np.eye(3) * age * float(fit.dipole) * float(fit.strength)
+        rows = np.concatenate([-impulses, of_field, of_torque], axis=1)
+        turned = np.linalg.norm(np.cross(mean[one], mean[one] @ inertia), axis=1)
+        doubtful = PERIOD * np.sum(np.linalg.norm(KNOWN) + turned)
+        doubtful += unit * np.linalg.norm(omega[begin + count] - omega[begin])
+        squares = (0.1 * doubtful) ** 2 + (TURNED * np.linalg.norm(impulses)) ** 2
+        squares += (UNTOLD * float(fit.model.orbit.rate) ** 2 * unit * age) ** 2
+        noise = (2 * float(fit.noise) ** 2 + squares / 3) * np.eye(3)
+        read = change[one].sum(axis=0)
+        covariance = covariance + np.diag(np.repeat(WALK, 3)) ** 2
+        spread, surprise = rows @ covariance @ rows.T + noise, read - rows @ estimate
+        if surprise @ np.linalg.solve(spread, surprise) > 2 * 24:
+            covariance = np.eye(9)
+            spread = rows @ covariance @ rows.T + noise
+        gain = np.linalg.solve(spread, rows @ covariance).T
+        estimate = estimate + gain @ surprise
+        covariance = (np.eye(9) - gain @ rows) @ covariance
+        begin += count
+    return estimate, np.sqrt(np.diag(covariance))
+
+
+def test_the_filter_is_that_of_numpy_and_finds_what_scipy_flew(law, flight):
+    """Between intervals, and of losses, a dipole and a torque at once."""
+    times, momentum = flight
+    seen = flown(law, samples(times, momentum))
+    last = jax.tree.map(lambda one: one[-1], seen)
+    estimate, sigma = filtered(law, times, momentum)
+    np.testing.assert_allclose(last.estimate, estimate, rtol=1e-6, atol=1e-9)
+    found = np.sqrt(np.diag(last.covariance.matrix))
+    np.testing.assert_allclose(found, sigma, rtol=1e-6)
+    unit = float(law.rods.fit.dipole), float(law.rods.fit.dipole * law.rods.fit.strength)
+    truth = np.concatenate([1 - LEFT, BODY / unit[0], PUSH / unit[1]])
+    assert np.all(np.abs(estimate - truth) < sigma)
+    np.testing.assert_allclose(estimate[:3], 1 - LEFT, atol=0.1)
+    assert list(last.failed) == [False, True, True]
+    np.testing.assert_allclose(last.part, [1.0, 0.0, LEFT[2]], atol=0.1)
+    assert last.part[1] == 0
+
+
+def test_an_interval_ends_after_a_hundredth_of_an_orbit(law):
+    circle = law.rods.steering.field.circle
+    assert float(law.rods.fit.span) == pytest.approx(INTERVAL * 2 * np.pi / float(circle.rate))
+
+
+def test_what_no_magnetorquer_explains_and_what_is_not_quiet_changes_no_estimate(law, flight):
+    times, momentum = flight
+    known = torques(times).sum(axis=2)
+    noise = np.random.default_rng(4).normal(0, 1e-5, momentum.shape)
+    pushed = momentum + np.where(times > 800, 1e-2 * (times - 800), 0)[:, None]
+    assert np.abs(known).max() < 1e-4 * 1e-1
+    before = flown(law, samples(times[times < 780], momentum[times < 780]))
+    seen = flown(law, samples(times, pushed + noise * 0))
+    np.testing.assert_array_equal(
+        np.asarray(seen.part)[times > 900], np.tile(before.part[-1], (sum(times > 900), 1))
+    )
+    assert not np.any(flown(law, samples(times, momentum, quiet=False)).failed)
+
+
+def test_magnetorquers_that_work_are_not_isolated(law):
+    """Noise of rates and tachometers alone: 24 flights."""
+    times = PERIOD * np.arange(FLIGHT)
+    whole = np.zeros((FLIGHT, 3))
+    for number in range(FLIGHT - 1):
+        torque = torques(times[number + 1 :][:1])[0].sum(axis=1) + KNOWN
+        turn = PERIOD * np.cross(rate(times[number] + PERIOD / 2), whole[number])
+        whole[number + 1] = whole[number] + PERIOD * torque - turn
+    rng = np.random.default_rng(5)
+    for _ in range(24):
+        noise = rng.normal(0, 1e-5, whole.shape)
+        assert not np.any(flown(law, samples(times, whole + noise)).failed)
+
+
+def test_what_is_left_makes_the_dipoles_of_the_others(law):
+    """Shares are the pseudo-inverse of the axes of those that work, commands make up for losses."""
+    rods, axes = law.rods, np.asarray(law.rods.steering.axes)
+    memory = rods.begin(jnp.zeros(3))
+    assert memory.fit is not None
+    for parts in ([1.0, 1.0, 1.0], [0.5, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 0.0]):
+        part = np.array(parts)
+        now = memory._replace(fit=memory.fit._replace(part=jnp.asarray(part)))
+        left = rods.diagnosed(now)
+        expected = np.zeros((3, 3))
+        expected[part != 0] = np.linalg.pinv(axes[:, part != 0])
+        np.testing.assert_allclose(left.steering.shares, expected, atol=1e-12)
+        np.testing.assert_allclose(left.power, rods.left(part != 0).power, rtol=1e-9)
+        wanted = left.steering.reach(jnp.array([1e-5, 2e-5, 3e-5])).high
+        np.testing.assert_allclose(wanted, LIMIT * np.abs(part), rtol=1e-12)
+        commands, torque, after = left.act(jnp.array([1e-5, 2e-5, 3e-5]), wanted, law.period, now)
+        np.testing.assert_allclose(part * commands, wanted, rtol=1e-12)
+        made = np.cross(axes @ (part * np.asarray(commands)), [1e-5, 2e-5, 3e-5])
+        np.testing.assert_allclose(torque, made, atol=1e-18)
+        delayed = (PERIOD - float(rods.delay)) / PERIOD
+        np.testing.assert_allclose(after.torque, delayed * made, atol=1e-18)
+    assert isinstance(memory, RodMemory)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["dead", "degraded", "stuck-at"])
+def test_a_failed_magnetorquer_is_found_in_flight(kind):
+    """One of three that fly with one wheel; the others work on."""
+    fraction = "" if kind == "dead" else ", fraction=0.3"
+    control = '{law="fault-tolerant", natural_frequency_rad_s=0.02, period_s=2}'
+    changes = [f"control={control}", "simulation.duration_s=8000"]
+    changes.append(f'failure=[{{of="magnetorquer y", at_s=100, kind="{kind}"{fraction}}}]')
+    run = build(load("wheel-and-rods", changes))
+    assert isinstance(run.start.attitude, Quaternion)
+    assert isinstance(run.start, PlantState)
+    found = simulate(run.loop, run.start, run.times, method=run.method)
+    part = np.asarray(found.signals.parts["diagnosed_dipole"])
+    assert np.all(part[:, [0, 2]] == 1)
+    assert np.all(part[np.asarray(run.times) < 100] == 1)
+    np.testing.assert_allclose(part[-1, 1], 0.3 if kind == "degraded" else 0.0, atol=0.05)
