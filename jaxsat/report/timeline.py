@@ -64,7 +64,7 @@ def verdicts(dataset: Dataset) -> list[tuple[float, str]]:
     return sorted([*events, *_verdicts_on_dipoles(dataset)])[:MOST_VERDICTS]
 
 
-def _verdicts_on_dipoles(dataset: xr.Dataset) -> list[tuple[float, str]]:
+def _verdicts_on_dipoles(dataset: Dataset) -> list[tuple[float, str]]:
     """Return times (s) and names of verdicts on magnetorquers."""
     if "diagnosed_dipole" not in dataset:
         return []
