@@ -71,6 +71,29 @@ def test_gravity_gradient_is_told_of_products_of_inertia():
     assert full_at(words) == pytest.approx(0.02 / (3 * ORBIT**2 * 6), rel=2e-3)
 
 
+def test_a_fast_periodic_torque_is_not_taken_for_a_steady_one():
+    """2 A/omega at most, a hundredth of what the wheels hold."""
+    fast = "amplitude_N_m=[5e-4,0,0],frequency_rad_s=[0.2,0,0]"
+    assert told(f"disturbance={{gravity_gradient=true,{fast}}}") == ([], None)
+
+
+def test_gravity_gradient_along_an_ellipse_has_its_mean():
+    """Of 3 mu/r^3 r x Jr the part about y is 3/2 n^2 Jxz/(1 - e^2)^1.5 in the mean of an orbit."""
+    inertia = "spacecraft.inertia_kg_m2=[[90,0,6],[0,70,0],[6,0,50]]"
+    perigee, apogee = RADIUS + 500e3, RADIUS + 2000e3
+    axis, eccentricity = (perigee + apogee) / 2, (apogee - perigee) / (apogee + perigee)
+    rate = 1.5 * GRAVITY / axis**3 * 6 / (1 - eccentricity**2) ** 1.5
+    _, words = told(
+        inertia,
+        "orbit={perigee_altitude_km=500,apogee_altitude_km=2000}",
+        "disturbance={gravity_gradient=true}",
+        "initial={quaternion=[1,0,0,0],omega_rad_s=[0,0,0]}",
+        wheels(limit=2.0),
+        duration=260_000,
+    )
+    assert full_at(words) == pytest.approx(2.0 / rate, rel=0.02)
+
+
 def test_what_others_tell_or_take_out_is_not_told_again():
     rods = "magnetorquer=[{axis=[1,0,0],dipole_limit_A_m2=9},{axis=[0,1,0],dipole_limit_A_m2=9}]"
     assert told(f"disturbance={{{DRAG}[0,0,0.3]}}", rods) == ([], None)
