@@ -44,13 +44,15 @@ class WheelContext(NamedTuple):
 
     `wheels` have the declared limits and friction, and no failures in flight. `failed` marks those
     that had failed before the start. `momentum_noise` (N m s) is the standard deviation of each
-    tachometer, `rate_noise` (rad/s) that of the measured rates, zero where they are exact.
+    tachometer, `rate_noise` (rad/s) that of the measured rates, zero where they are exact. `still`
+    is whether no wheel has momentum at the start.
     """
 
     wheels: Wheels
     failed: Bool[np.ndarray, " m"]
     momentum_noise: Float[np.ndarray, " m"]
     rate_noise: float = 0.0
+    still: bool = True
 
 
 class MagneticContext(NamedTuple):

@@ -216,12 +216,13 @@ def _no_wheel_works(wheels: WheelContext | None) -> bool:
 
 
 def _without_idle_wheels(context: LawContext) -> LawContext:
-    """Return the context with a wheel given up that leaves thrusters a plane of torques.
+    """Return the context with a wheel without momentum given up that leaves thrusters a plane of
+    torques.
 
     Thrusters then fly by two torques, to which one axis of wheels adds nothing.
     """
     wheels, thrusters = context.wheels, context.thrusters
-    if wheels is None or thrusters is None:
+    if wheels is None or thrusters is None or not wheels.still:
         return context
     torque = np.asarray(thrusters.model.torque)
     axes = np.asarray(wheels.wheels.axes)[:, ~wheels.failed]

@@ -152,7 +152,8 @@ def wheel_context(scenario: Scenario) -> WheelContext | None:
         return None
     wheels = _declared_wheels(scenario)
     failed = np.array([one.failed for one in scenario.wheel])
-    return WheelContext(wheels, failed, tachometer_noise(scenario), rate_noise(scenario))
+    still = not any(one.momentum_N_m_s for one in scenario.wheel)
+    return WheelContext(wheels, failed, tachometer_noise(scenario), rate_noise(scenario), still)
 
 
 def magnetic_context(scenario: Scenario) -> MagneticContext | None:

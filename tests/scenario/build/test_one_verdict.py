@@ -183,6 +183,10 @@ BARE = {
     "a level plane, a wheel in it": LEVEL + wheels(0),
     "a level plane, a wheel in it, rods": LEVEL + wheels(0) + rods(0, 1, 2),
     "a level plane, a turning wheel in it": LEVEL + TURNING + "failed = false\n",
+    "a level plane, a turning wheel in it, rods": LEVEL
+    + TURNING
+    + "failed = false\n"
+    + rods(0, 1, 2),
     "a level plane, a failed turning wheel": LEVEL + TURNING + "failed = true\n",
 }
 """Actuators, some of which had failed before the start."""
