@@ -408,7 +408,11 @@ class FaultTolerant(AbstractSampledController):
 
     def false_alarm_rate(self, reference: float, threshold: float) -> float:
         """Upper limit of false alarms per sample by all tests; both arguments in sigmas."""
-        return sum(false_alarm_rate(one.watch, reference, threshold) for one in self.actuators)
+        rate = sum(false_alarm_rate(one.watch, reference, threshold) for one in self.actuators)
+        fit = None if self.rods is None else self.rods.fit
+        if fit is None:
+            return rate
+        return rate + fit.false_alarm_rate(reference, threshold, float(self.period))
 
     def telemetry(self, memory: FaultTolerantMemory) -> dict[str, Array]:
         """Return verdict and detection statistic of each actuator, and whether an alarm is on; with

@@ -9,6 +9,7 @@ linear in a, m and d: a Kalman filter of these. A stuck magnetorquer has a = 1, 
 a part of m. Torques of wheels are internal, and change nothing.
 """
 
+import math
 from typing import NamedTuple
 
 import equinox as eqx
@@ -129,6 +130,11 @@ class RodFit(eqx.Module):
             jnp.zeros(self.count) > 0,
             jnp.ones(self.count),
         )
+
+    def false_alarm_rate(self, reference: float, threshold: float, period: float) -> float:
+        """Upper limit of false verdicts per sample; `reference` and `threshold` in sigmas."""
+        samples = max(float(self.span) / period, 1.0)
+        return self.count * math.exp(-2 * reference * threshold) / samples
 
     def step(
         self, sample: RodSample, period: RealScalar, memory: RodFitMemory, diagnosis: Diagnosis

@@ -257,7 +257,7 @@ def _false_alarm_penalty(
             strict=True,
         )
         rates = np.array([controller.false_alarm_rate(float(k), float(h)) for k, h in pairs])
-        return np.maximum(samples + np.log(rates), 0.0)
+        return np.maximum(samples + np.log(np.maximum(rates, np.finfo(float).tiny)), 0.0)
 
     return penalty
 

@@ -149,6 +149,14 @@ def test_an_interval_ends_after_a_hundredth_of_an_orbit(law):
     assert float(law.rods.fit.span) == pytest.approx(INTERVAL * 2 * np.pi / float(circle.rate))
 
 
+def test_false_verdicts_count_among_the_false_alarms_of_the_law(law):
+    """One test of each magnetorquer an interval, beside those of the wheels."""
+    only = eqx.tree_at(lambda one: one.actuators, law, ())
+    samples = float(law.rods.fit.span / law.period)
+    assert only.false_alarm_rate(0.5, 10.0) == pytest.approx(3 * np.exp(-10) / samples)
+    assert law.false_alarm_rate(0.5, 10.0) > only.false_alarm_rate(0.5, 10.0)
+
+
 def test_what_no_magnetorquer_explains_and_what_is_not_quiet_changes_no_estimate(law, flight):
     times, momentum = flight
     known = torques(times).sum(axis=2)
