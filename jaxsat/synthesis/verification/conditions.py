@@ -45,8 +45,17 @@ def conditions_of(
     second result has sentences on conditions that cannot be tried.
     """
     conditions = [Condition(DISPERSED, "dispersed", scenario)]
-    obstacles = [] if failures else ["Failures besides those of the scenario were not tried."]
-    kinds = [one for one in ACTUATORS if _working(scenario, one) and not _draws(scenario, one)]
+    which = "of single actuators " if pairs else ""
+    obstacles = (
+        [] if failures else [f"Failures {which}besides those of the scenario were not tried."]
+    )
+    working = [one for one in ACTUATORS if _working(scenario, one)]
+    kinds = [one for one in working if not _draws(scenario, one)]
+    if pairs and len(kinds) < len(working):
+        names = " or a ".join(one.name for one in working if one not in kinds)
+        obstacles.append(
+            f"Pairs with a {names} were not tried: the scenario draws its failures itself."
+        )
     groups = [(one,) for one in kinds] if failures else []
     groups += _pairs(scenario, kinds) if pairs else []
     for group in groups:
