@@ -38,7 +38,9 @@ def share_sentence(dataset: Dataset) -> Iterator[str]:
 
 def used_propellant(dataset: Dataset) -> float:
     """Return the propellant used in a run, kg; 0 without thrusters that use any."""
-    return float(np.nanmax(dataset["propellant"].values)) if "propellant" in dataset else 0.0
+    if "propellant" not in dataset:
+        return 0.0
+    return float(np.nanmax(dataset["propellant"].values, initial=0.0))
 
 
 def actuator_tables(

@@ -46,7 +46,10 @@ def failure_figure(dataset: Dataset, *, title: str = "") -> Figure | None:
 
 
 def _failures(dataset: Dataset) -> list[tuple[float, str]]:
-    return failures_of(scenario_tables(dataset), dataset["time"].values)
+    """Return times (s) and names of failures of actuators, which `of` names by kind and device."""
+    every = scenario_tables(dataset).get("failure", ())
+    tables = [one for one in every if " " in one.get("of", "")]
+    return failures_of({"failure": tables}, dataset["time"].values)
 
 
 def phases(dataset: Dataset) -> dict[str, np.ndarray]:

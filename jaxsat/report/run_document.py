@@ -127,7 +127,7 @@ def _actuation(dataset: Dataset, scenario: Mapping[str, Any]) -> dict[str, str]:
     if (propellant := used_propellant(dataset)) > 0:
         rows["propellant"] = f"{number_text(propellant, 3)} kg"
     if "constraint_effort" in dataset:
-        peak = float(np.nanmax(np.abs(dataset["constraint_torque"].values)))
+        peak = float(np.nanmax(np.abs(dataset["constraint_torque"].values), initial=0.0))
         effort = number_text(dataset["constraint_effort"].values)
         rows["third rate"] = (
             f"held by an ideal torque: {effort} N m s, at most "

@@ -63,7 +63,9 @@ class DistributionTable(ScenarioTable):
                 raise ArgumentError(name, f"must have {name} in {kind}")
             lists = getattr(self, name) if _has_lists(getattr(self, name)) else ()
             if len({len(one) for one in lists}) > 1:
-                raise ArgumentError(name, "must have lists of one length", [*map(len, lists)])
+                raise ArgumentError(
+                    name, f"must have lists of one length in {name}", [*map(len, lists)]
+                )
         return self
 
 

@@ -115,7 +115,7 @@ def _labels_of_own_signals(signals: Signals) -> dict[str, Label]:
     return {
         name: Label((f"{name}_component",) * (np.ndim(one) - 1), "1", name.replace("_", " "))
         for name, one in signals.parts.items()
-        if name not in VARIABLES
+        if name not in VARIABLES or np.ndim(one) != 1 + len(VARIABLES[name].dimensions)
     }
 
 

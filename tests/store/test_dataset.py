@@ -57,6 +57,16 @@ def test_holds_every_signal(run, dataset):
     assert dataset["z"].dims == ("time",)
 
 
+def test_a_users_law_may_tell_a_number_by_the_name_of_a_signal_of_many(run):
+    _, trajectory = run
+    number = np.arange(len(trajectory.signals.mode), dtype=float)
+    parts = trajectory.signals.parts | {"innovation": number}
+    signals = dataclasses.replace(trajectory.signals, parts=parts)
+    dataset = trajectory_dataset(dataclasses.replace(trajectory, signals=signals))
+    assert dataset["innovation"].dims == ("time",)
+    np.testing.assert_array_equal(dataset["innovation"], number)
+
+
 def test_parts_have_the_names_of_the_scenario(run):
     trajectory = run[1]
     count = len(trajectory.times)

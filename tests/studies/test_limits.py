@@ -244,7 +244,7 @@ def test_distributions_made_in_python_are_held_against_them_as_well(names):
         ("omega", "{distribution='discrete', values=[[0, 1], [0, 9e9], [0, 1]], "
          "weights=[[1, 1], [1, 1], [1, 1]]}", "values", "(component 2), got 9e+09 as entry 2"),
         ("omega", "{distribution='discrete', values=[[0, 1], [0]], weights=[1]}", "",
-         "lists of one length, got [2, 1]"),
+         "lists of one length in values, got [2, 1]"),
         ("turn", "{distribution='truncated-normal', mean=0, sigma=1e-300, low=-1, high=1}", "sigma",
          "of the distance from the mean"),
         ("omega", "{distribution='random-attitude'}", "distribution", "RandomAttitude"),

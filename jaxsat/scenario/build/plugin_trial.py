@@ -124,7 +124,11 @@ def require_estimates(
         _refuse(part, location, f"estimates an attitude that is a `Quaternion`{place}", attitude)
     estimates = {"attitude": (attitude.q, (4,)), "omega": (estimate.omega, (3,))}
     others = {name: getattr(estimate, name) for name in Estimate._fields[2:]}
-    estimates |= {name: (value, (3,)) for name, value in others.items() if value is not None}
+    sensors = len(measurement.vectors) + (measurement.attitude is not None)
+    sizes = {"innovation": sensors, "excluded": sensors}
+    estimates |= {
+        name: (value, (sizes.get(name, 3),)) for name, value in others.items() if value is not None
+    }
     for name, (value, shape) in estimates.items():
         _require_shape(part, location, value, shape, f"estimates {{}} as `{name}`{place}")
     _require_same_memory(part, location, memory, after, "step")

@@ -30,9 +30,6 @@ from jaxsat.scenario.holding import nearest_held
 from jaxsat.scenario.parts.wheels import inertia_of
 from jaxsat.scenario.quantities import inertia_matrix
 
-DRAWN_FAILURES = ("failure_time", "failed_thruster", "failure_kind", "failure_amount")
-"""Dispersed quantities of failures in flight."""
-
 
 class UnsuitableVehicle(JaxsatError, ValueError):
     """A vehicle for which no controller can be designed until its scenario is completed."""
@@ -196,9 +193,13 @@ def _orbit_lines(scenario: Scenario) -> tuple[str, ...]:
 def _in_flight(scenario: Scenario) -> tuple[str, ...]:
     if not scenario.failure:
         return ()
-    drawn_quantities = [name for name in DRAWN_FAILURES if getattr(scenario.dispersion, name, None)]
+    draws = {} if scenario.dispersion is None else scenario.dispersion.distributions
+    of_failures = ("failure_", "failed_", "sensor_failure_")
+    drawn_quantities = [name for name in draws if name.startswith(of_failures)]
     failures = ", ".join(f"{one.of} {one.kind} at {one.at_s:g} s" for one in scenario.failure)
     how = f"; every case draws {', '.join(drawn_quantities)}" if drawn_quantities else ""
+    if all(one.of_sensor for one in scenario.failure):
+        return (f"Failures of sensors in flight ({failures}{how}) act in every case.",)
     return (
         f"Failures in flight ({failures}{how}) act in every case, and the law has no knowledge of "
         "them. The verdict and the laws are for the actuators that work at the start. To design "
