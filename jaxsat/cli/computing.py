@@ -26,7 +26,7 @@ def use_double_precision() -> None:
 def interruptibly(work: Callable[[], Result], *, brief: bool = False) -> Result:
     """Do the work in a thread, so that a signal need not wait for compiled code to return.
 
-    `brief` work, such as a single run, also keeps garbage collection off.
+    `brief` work, such as a single run or an export, also keeps garbage collection off.
     """
     if not (gc.isenabled() or brief):  # commands start without garbage collection
         gc.freeze()

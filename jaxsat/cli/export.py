@@ -70,12 +70,14 @@ def export(
         )
         with place as folder:
             show_progress(f"exporting {scenario}")
-            request = interruptibly(lambda: _request(chosen, float_, functions == "libm"))
+            request = interruptibly(
+                lambda: _request(chosen, float_, functions == "libm"), brief=True
+            )
             if plan_begin is None:
-                code = interruptibly(lambda: export_all(request))
+                code = interruptibly(lambda: export_all(request), brief=True)
                 files = code.files
             else:
-                files = interruptibly(lambda: export_plan(request, plan_begin))
+                files = interruptibly(lambda: export_plan(request, plan_begin), brief=True)
             for name, content in files.items():
                 folder.write(name, content)
     except CannotExport as error:

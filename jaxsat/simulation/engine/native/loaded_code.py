@@ -119,13 +119,13 @@ class _Content:
 
     def _parts(self, value: Any) -> Iterator[Any]:
         if isinstance(value, FunctionType):
-            yield from (_name(value), marshal.dumps(value.__code__, _NO_REFERENCES))
-            yield from map(self._of, _around(value))
+            yield from (_name(value), _digest(marshal.dumps(value.__code__, _NO_REFERENCES)))
+            yield from ((name, self._of(one)) for name, one in _around(value))
         elif isinstance(value, type):
             yield from (_name(value), *map(_name, value.__bases__))
             yield from ((name, self._of(one, value.__module__)) for name, one in _members(value))
         elif isinstance(value, np.ndarray | np.generic):
-            yield from (value.dtype.str, value.shape, value.tobytes())
+            yield from (value.dtype.str, value.shape, _digest(value.tobytes()))
         elif isinstance(value, dict | MappingProxyType):
             yield from ((self._of(key), self._of(one)) for key, one in value.items())
         elif isinstance(value, set | frozenset):
@@ -141,7 +141,8 @@ class _Content:
         if type(value) in _HOLDERS:
             yield from ((name, getattr(value, name)) for name in _HOLDERS[type(value)])
             return
-        yield "__wrapped__", getattr(value, "__wrapped__", None)
+        if hasattr(value, "__wrapped__"):
+            yield "__wrapped__", value.__wrapped__
         own = type(value).__module__.startswith(self._prefix)
         for name, one in sorted(getattr(value, "__dict__", {}).items()):
             is_cache = isinstance(getattr(type(value), name, None), _KEPT_RESULTS)
@@ -150,16 +151,23 @@ class _Content:
 
 
 def _hash(tree: Any) -> bytes:
-    return hashlib.sha256(repr(tree).encode("utf-8", "surrogatepass")).digest()
+    return _digest(repr(tree).encode("utf-8", "surrogatepass"))
 
 
-def _around(function: FunctionType) -> Iterator[Any]:
-    yield from (function.__defaults__, function.__kwdefaults__, vars(function) or None)
+def _digest(content: bytes) -> bytes:
+    return hashlib.sha256(content).digest()
+
+
+def _around(function: FunctionType) -> Iterator[tuple[str, Any]]:
+    """What a function has besides its code: defaults, attributes and the cells of its closure."""
+    for name in ("__defaults__", "__kwdefaults__", "__dict__"):
+        if one := getattr(function, name):
+            yield name, one
     for cell in function.__closure__ or ():
         try:
-            yield cell.cell_contents
-        except ValueError:  # empty
-            yield ...
+            yield "cell", cell.cell_contents
+        except ValueError:
+            yield "empty cell", None
 
 
 def _members(owner: type) -> list[tuple[str, Any]]:
