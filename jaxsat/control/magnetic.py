@@ -15,13 +15,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.controller import LawContext, MagneticContext, UnsuitableModel
-from jaxsat.control.periodic_gain import (
-    LinearMotion,
-    PeriodicGain,
-    floquet_multipliers,
-    linear_motion,
-    periodic_gain,
-)
+from jaxsat.control.linear_motion import LinearMotion, linear_motion
+from jaxsat.control.periodic_gain import PeriodicGain, floquet_multipliers, periodic_gain
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.checks import as_float, as_optional_float, positive

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.control.periodic_gain import LinearMotion, floquet_multipliers, periodic_gain
+from jaxsat.control.linear_motion import LinearMotion
+from jaxsat.control.periodic_gain import floquet_multipliers, periodic_gain
 from jaxsat.controllability.layout import TOLERANCE
 from jaxsat.controllability.linear import orbital_motion
 from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION, AbstractMagneticField

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.control.periodic_gain import TURNS, reference_moment, small_motion
+from jaxsat.control.linear_motion import TURNS, reference_moment, small_motion
 from jaxsat.control.what_is_left import Laws
 from jaxsat.controllability.judgement import Judgement, OrbitRank, Verdict
 from jaxsat.controllability.orbit_rest import (

@@ -10,15 +10,9 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_are
 from scipy.spatial.transform import Rotation
 
+from jaxsat.control.linear_motion import PHASES, TURNS, linear_motion
 from jaxsat.control.magnetic import MagneticMode
-from jaxsat.control.periodic_gain import (
-    FLOOR,
-    PHASES,
-    TURNS,
-    floquet_multipliers,
-    linear_motion,
-    periodic_gain,
-)
+from jaxsat.control.periodic_gain import FLOOR, floquet_multipliers, periodic_gain
 from jaxsat.core.attitude import Quaternion
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from jaxsat.control.periodic_gain import linear_motion
+from jaxsat.control.linear_motion import linear_motion
 from jaxsat.controllability.magnetic import (
     magnetic_authority,
     magnetic_law_words,

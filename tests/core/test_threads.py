@@ -19,6 +19,7 @@ from jaxsat.compiler import functions
 from jaxsat.compiler.c import naming
 from jaxsat.compiler.llvm.threads import _shared
 from jaxsat.control import periodic_gain
+from jaxsat.control.linear_motion import PHASES, TURNS, linear_motion
 from jaxsat.control.planning import guesses
 from jaxsat.controllability import lie
 from jaxsat.controllability.cone import torque_cone
@@ -53,10 +54,14 @@ def new_part():
     return plugins.Part(f"cold-{next(NEW)}", plugins.ACTUATORS, declaration, "no:Place")
 
 
-def design_of_rods():
+def motion_with_rods():
     field = DipoleField(CircularOrbit(1.1e-3, 1.2, 0.4, 0.7, 2.0))
     body = (np.diag([0.13, 0.11, 0.05]), field, np.eye(3), np.zeros(3))
-    return pickle.dumps((periodic_gain.linear_motion(*body, gravity_gradient=True), 0.3, 1.0))
+    return linear_motion(*body, gravity_gradient=True)
+
+
+def closed_loop_of_rods():
+    return pickle.dumps((motion_with_rods(), np.ones((TURNS, PHASES, 3, 9))))
 
 
 FUNCTIONS = [
@@ -67,7 +72,8 @@ FUNCTIONS = [
     (designs._hypercube, lambda: (0, "a", 10, 2)),
     (statistics._order_statistics, lambda: (100, 95.0)),
     (guesses.random_numbers, lambda: (4,)),
-    (periodic_gain._gains, lambda: (design_of_rods(),)),
+    (periodic_gain._gains, lambda: (pickle.dumps((motion_with_rods(), 0.3, 1.0)),)),
+    (periodic_gain._multipliers, lambda: (closed_loop_of_rods(),)),
     (runge_kutta._named_tableau, lambda: ("heun",)),
     (descent._transformation, lambda: (OptimiserSettings(), 10)),
     (lie._monomials, lambda: (2,)),
