@@ -128,5 +128,4 @@ def _request(scenario: "Scenario", single: bool, libm: bool) -> "Request":
         libm,
         scenario.law.declaration.keys,
         hold_samples_of(scenario),
-        scenario.control.law,
     )

@@ -170,7 +170,8 @@ def _require_vehicle(scenario: "Scenario") -> None:
 
 
 def _require_flight_code(scenario: "Scenario") -> None:
-    from jaxsat.flight.flight import FlightController
+    from jaxsat.flight.flight import FlightController, flight_loop
     from jaxsat.scenario.build.run import build
 
-    FlightController.of(build(scenario).loop)  # already built by the check
+    run = build(scenario)  # already built by the check
+    FlightController.of(flight_loop(run.loop, run.start))

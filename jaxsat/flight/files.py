@@ -10,6 +10,7 @@ import numpy as np
 
 from jaxsat.compiler.c.naming import comment
 from jaxsat.core.declaration.keys import Key
+from jaxsat.core.declaration.laws import value_of
 from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.flight import interface
 from jaxsat.flight.calls import drawn_calls, expected_of_calls
@@ -55,8 +56,7 @@ class Request:
 
     `title`, `scenario` (TOML) and `provenance` (versions, platform, time) go into the files. `keys`
     are those that the law declares: they bound its parameters. `hold_samples` is the default of the
-    guard: consecutive calls without a step for which commands are held. `law` is the value of
-    `control.law`.
+    guard: consecutive calls without a step for which commands are held.
     """
 
     loop: AbstractLoop
@@ -69,7 +69,6 @@ class Request:
     libm: bool = False
     keys: tuple[Key, ...] = ()
     hold_samples: int = HOLD_SAMPLES
-    law: str = "another"
 
 
 @dataclass(frozen=True)
@@ -170,7 +169,8 @@ def export_plan(request: Request, begin: float) -> Mapping[str, bytes]:
     law = FlightController.of(loop).law
     plan = plan_table(law, single=request.single)
     if not plan:
-        raise CannotExport(f"control.law: must be a law that plans, for a plan, got {request.law}")
+        name = value_of(type(law))
+        raise CannotExport(f"control.law: must be a law that plans, for a plan, got {name}")
     return {name: text.encode() for name, text in plan_files(plan, [*_title(request), ""]).items()}
 
 

@@ -13,6 +13,7 @@ from jaxsat.control.navigation.estimator import AbstractEstimator, Measurement
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.array_types import IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import AbstractAttitude, Quaternion
+from jaxsat.core.declaration.laws import value_of
 from jaxsat.core.errors import ArgumentError, JaxsatError
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
@@ -125,9 +126,10 @@ class FlightController(eqx.Module):
                 "in continuous time"
             )
         if loop.controller.no_flight_code is not None:
+            law = loop.controller
             raise CannotExport(
-                f"control.law: {type(loop.controller).__name__} must be replaced by another law in "
-                f"flight code: {loop.controller.no_flight_code}"
+                f"control.law: must be a law with flight code, got {value_of(type(law))}: "
+                f"{law.no_flight_code}"
             )
         for one in getattr(loop.distribution, "steering", ()):
             raise CannotExport(

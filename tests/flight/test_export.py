@@ -347,8 +347,20 @@ def test_a_law_in_continuous_time_is_refused():
 
 def test_the_law_that_plans_itself_is_refused_at_once():
     run = build(load("acceptance-nominal", ["control.law=planned"]))
-    with pytest.raises(CannotExport, match=r"PlannedSettling must be replaced.*plans in flight"):
+    with pytest.raises(CannotExport, match=r"got planned: it plans in flight"):
         flight_program(run.loop, run.start)
+
+
+class Grounded(Filtered):
+    """A law that does not become flight code."""
+
+    no_flight_code = "it needs a computer on the ground"
+
+
+def test_a_law_without_flight_code_is_told_as_a_scenario_names_it():
+    told = f"control.law: must be a law with flight code, got {__name__}:Grounded: it needs"
+    with pytest.raises(CannotExport, match=told):
+        export(_request(Grounded(gain=[1.0, 1.0])))
 
 
 def test_comments_end_where_they_should():

@@ -12,6 +12,7 @@ import pytest
 
 from helpers.tools import needs
 from jaxsat.cli import main
+from jaxsat.cli.scenarios import refusals
 from jaxsat.control.plan_tracking import PlanTracking
 from jaxsat.flight import vectors
 from jaxsat.flight.files import Request, export, export_plan
@@ -73,7 +74,7 @@ int main(void)
 def request_of(*, single=False, law="planned"):
     run = build(load("acceptance-nominal", [f"control.law={law}"]))
     keys = load("acceptance-nominal", [f"control.law={law}"]).law.declaration.keys
-    return Request(run.loop, run.start, 1.0, "", "", PROVENANCE, single, keys=keys, law=law)
+    return Request(run.loop, run.start, 1.0, "", "", PROVENANCE, single, keys=keys)
 
 
 @pytest.fixture(scope="module", params=[False, True], ids=["double", "single"])
@@ -158,6 +159,12 @@ def test_a_study_flies_the_tracker_in_the_loop(made):
     record = json.loads(code.files["export.json"])
     assert identity["source_sha256"] == record["source_sha256"]
     assert isinstance(loop.controller.law, PlanTracking)
+
+
+@pytest.mark.slow
+def test_a_check_of_the_scenario_does_not_refuse_the_export():
+    scenario = load("acceptance-nominal", ["control.law=planned"])
+    assert not [line for line in refusals(scenario) if "export" in line]
 
 
 def test_a_law_that_does_not_plan_has_no_plan():

@@ -89,3 +89,9 @@ LAWS: Mapping[str, Law] = MappingProxyType(
     }
 )
 """Laws that come with jaxsat, by name."""
+
+
+def value_of(controller: type) -> str:
+    """Return the value of `control.law` for laws of this class: "module:Class" for another's."""
+    place = f"{controller.__module__}:{controller.__qualname__}"
+    return next((law.name for law in LAWS.values() if law.place == place), place)
