@@ -3,7 +3,7 @@
 The rules that lower primitives use this class alone.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from typing import Any
 
@@ -13,7 +13,8 @@ from jaxsat.compiler import ir
 from jaxsat.compiler.operations import BOOL, INT, OPERATIONS, evaluate
 from jaxsat.compiler.passes.branching import are_cheap
 from jaxsat.compiler.passes.counting import ranges_in
-from jaxsat.compiler.passes.simplify import Predicates, Ranges, identity, simplified
+from jaxsat.compiler.passes.ranges import Ranges
+from jaxsat.compiler.passes.simplify import Predicates, identity, simplified
 from jaxsat.compiler.trace import Frame, Trace
 
 
@@ -83,7 +84,7 @@ class Builder:
                 self.factors[value.number] = (args[0], args[1])
             self.ranges.note_result(name, args, value)
             self.predicates.note(name, args, value)
-            if name in ("convert", "bitcast"):
+            if name == "convert" or (name == "bitcast" and args[0].dtype.kind != "f"):
                 self.ranges.note_converted(args[0], value)
             if name == "convert" and (args[0].dtype == BOOL or identity(args[0]) in self.truths):
                 self.truths.add(value.number)
@@ -171,11 +172,14 @@ class Builder:
         params = [ir.Value(x.dtype, u) for x, u in zip(before, uniform, strict=True)]
         written = self.written
         step = self._loop(params, before, condition, body, varying)
-        if self.compact and (known := ranges_in(step)):  # once more, with what is known now
-            for place, bounds in known.items():
-                self.ranges.note(params[place], *bounds)
-            self.written = written
-            step = self._loop(params, before, condition, body, varying)
+        if self.compact and (known := ranges_in(step, self.ranges)):
+            self.written = written  # once more, with what is known now
+            for place, (_, after) in known.items():
+                self.ranges.note(params[place], *after)
+            inside = {params[place]: within for place, (within, _) in known.items()}
+            step = self._loop(params, before, condition, body, varying, inside)
+            for place, (_, after) in known.items():
+                self.ranges.note(params[place], *after)
         self._note(*params)
         for value, param in zip(step.after, params, strict=True):
             assert ir.is_uniform(value) or not param.uniform, "a uniform carry became varying"
@@ -190,13 +194,17 @@ class Builder:
         condition: Callable[[list[ir.Scalar]], ir.Scalar],
         body: Callable[[list[ir.Scalar]], list[ir.Scalar]],
         varying: bool,
+        ranges: Mapping[ir.Value, tuple[int, int]] | None = None,
     ) -> ir.Loop:
+        """Return a loop; `ranges` are those of params in the body."""
         test, work = ir.Block(self.block), ir.Block(self.block)
         with self.inside(test, self.mask):
             active = condition(list(params))
             if varying and self.mask is not None:
                 active = self.operation("and", active, self.mask)
         work.outer = test
+        for param, bounds in (ranges or {}).items():
+            self.ranges.note(param, *bounds)
         with self.inside(work, self.mask if ir.is_uniform(active) else active):
             after = body(list(params))
             if not ir.is_uniform(active):

@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxsat.compiler.ir import Loop, Operation, Scalar, Value
+from jaxsat.compiler.passes.comparisons import NONE, Bounds, united
+from jaxsat.compiler.passes.ranges import Ranges
 
 
 class CountedLoop(NamedTuple):
@@ -50,10 +52,11 @@ def _conjuncts(active: Scalar, makers: Mapping[int, Operation]) -> list[int]:
     return [active.number]
 
 
-def ranges_in(step: Loop) -> dict[int, tuple[int, int]]:
-    """Return the ranges of params of a counted loop, by index.
+def ranges_in(step: Loop, ranges: Ranges) -> dict[int, tuple[Bounds, Bounds]]:
+    """Return the ranges of params of a counted loop in its body and after it, by index.
 
-    They are those of integers, beside the counter, that begin with a constant and never decrease.
+    They are those of integers that begin with a constant and never decrease, as the counter, and of
+    integers that are chosen among known ones. `ranges` are those of other numbers.
     """
     both = (*step.condition.steps, *step.body.steps)
     makers = {one.out.number: one for one in both if isinstance(one, Operation)}
@@ -61,17 +64,46 @@ def ranges_in(step: Loop) -> dict[int, tuple[int, int]]:
     if bound is None:
         return {}
     turns = max(0, bound.end - int(step.before[bound.counter]))  # pyright: ignore
-    ranges = {}
+    known: dict[int, tuple[Bounds, Bounds]] = {}
     for i, (param, before, after) in enumerate(
         zip(step.params, step.before, step.after, strict=True)
     ):
-        if i == bound.counter or param.dtype.kind not in "iu" or isinstance(before, Value):
+        if param.dtype.kind not in "iu" or isinstance(before, Value):
             continue
+        begin = int(before)
         most = _most_added(after, param, makers)
-        last = int(before) + turns * (most or 0)
+        last = begin + turns * (most or 0)
         if most is not None and last <= np.iinfo(param.dtype).max:
-            ranges[i] = (int(before), last)
-    return ranges
+            known[i] = (begin, max(begin, last - most)), (begin, last)
+    inside = {step.params[i].number: within for i, (within, _) in known.items()}
+    for i, (param, before, after) in enumerate(
+        zip(step.params, step.before, step.after, strict=True)
+    ):
+        first = ranges.of(before)
+        if param.dtype.kind in "iu" and i not in known and first is not None:
+            chosen = _chosen(after, param, makers, ranges, inside)
+            if chosen is not None:
+                known[i] = (united(first, chosen), united(first, chosen))
+    return known
+
+
+def _chosen(
+    x: Scalar,
+    param: Value,
+    makers: Mapping[int, Operation],
+    ranges: Ranges,
+    inside: Mapping[int, Bounds],
+) -> Bounds | None:
+    """Return the range of what is chosen among a param and known numbers, or None."""
+    if x is param:
+        return NONE
+    if isinstance(x, Value) and x.number in inside:
+        return inside[x.number]
+    maker = makers.get(x.number) if isinstance(x, Value) else None
+    if maker is None or maker.name != "select":
+        return ranges.of(x)
+    parts = [_chosen(part, param, makers, ranges, inside) for part in maker.args[1:]]
+    return None if parts[0] is None or parts[1] is None else united(parts[0], parts[1])
 
 
 def _most_added(x: Scalar, param: Value, makers: Mapping[int, Operation]) -> int | None:

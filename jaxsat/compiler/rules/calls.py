@@ -66,9 +66,9 @@ def _shared_call(b: Builder, eqn, inner, arrays: Sequence[Elements]) -> list[Ele
 def _outlined_call(b: Builder, inner, arrays: Sequence[Elements]) -> list[Elements]:
     """Call a Python function, which is lowered once for all equal uses.
 
-    Constants are passed like values, except integers, which mostly are indices, and those of a
-    function that is called once. Unused arrays are not passed, and results that are constants or
-    arguments are not returned.
+    Integers with other ranges are another use. Constants are passed like values, except integers,
+    which mostly are indices, and those of a function that is called once. Unused arrays are not
+    passed, and results that are constants or arguments are not returned.
     """
     once = b.outlined[id(inner)][3] == 1
     folded = [
@@ -80,7 +80,10 @@ def _outlined_call(b: Builder, inner, arrays: Sequence[Elements]) -> list[Elemen
         for array, fold in zip(arrays, folded, strict=True)
     ]
     kinds = [array.flat[0].dtype.char if array.size else "" for array in arrays]
-    key = (id(inner), *constants, *kinds)
+    ranges = [
+        None if fold else _ranges_in(b, array) for array, fold in zip(arrays, folded, strict=True)
+    ]
+    key = (id(inner), *constants, *kinds, *ranges)
     if key not in b.variants:
         b.variants[key] = _python_function(b, inner, arrays, folded)
     function, needs, plan = b.variants[key]
@@ -91,6 +94,13 @@ def _outlined_call(b: Builder, inner, arrays: Sequence[Elements]) -> list[Elemen
         parts = iter(())
     every = scalars_of(arrays)
     return [next(parts) if one is None else _array_of(one, every) for one in plan]
+
+
+def _ranges_in(b: Builder, array: Elements) -> tuple[tuple[int, int] | None, ...]:
+    """Return the known ranges of an array's integers."""
+    if not array.size or array.flat[0].dtype.kind not in "iu":
+        return ()
+    return tuple(map(b.ranges.of, array.flat))
 
 
 def _array_of(plan: Elements, scalars: Sequence[Scalar]) -> Elements:
@@ -109,7 +119,7 @@ def _python_function(b: Builder, inner, arrays: Sequence[Elements], folded: Sequ
     for array, fold in zip(arrays, folded, strict=True):
         own = np.empty(array.shape, object)
         for index in np.ndindex(array.shape):
-            own[index] = array[index] if fold else Value(array[index].dtype, True)
+            own[index] = array[index] if fold else _argument(b, array[index])
         inside.append(own)
     body = Builder(like=b)
     body.given = set(numbers_of(scalars_of(inside)))
@@ -131,6 +141,14 @@ def _python_function(b: Builder, inner, arrays: Sequence[Elements], folded: Sequ
     shapes = [array.shape for array in inputs], [array.shape for array in own_results]
     function.source = Source(name, file, *shapes)
     return function, needs, plan
+
+
+def _argument(b: Builder, x: Scalar) -> Value:
+    """Return the argument of a function that stands for a number, of the same range."""
+    argument, known = Value(x.dtype, True), b.ranges.of(x)
+    if known is not None:
+        b.ranges.note(argument, *known)
+    return argument
 
 
 def _plan(result: Elements, places: dict[int, int]) -> Elements | None:

@@ -1,6 +1,7 @@
 """Rules of gathers, scatters and dynamic slices, with constant or computed indices."""
 
 from collections.abc import Callable, Sequence
+from itertools import product
 from typing import SupportsIndex
 
 import jax
@@ -141,22 +142,35 @@ def _dynamic_update_slice(b: Builder, eqn, x: Elements, new: Elements, *starts: 
         _clamped(b, _index(b, start[()]), dim - size)
         for start, dim, size in zip(starts, x.shape, new.shape, strict=True)
     ]
-    out = list(x.flat)
+    last = [dim - size for dim, size in zip(x.shape, new.shape, strict=True)]
+    out = x.copy()
     for offset in np.ndindex(*new.shape):
-        at = _linear(b, _shifted(b, where, offset), x.shape)
-        _put(b, out, at, np.True_, lambda old, o=offset: new[o])
-    return np.array(out, object).reshape(x.shape) if out else x
+        _put(b, out, where, offset, last, lambda old, o=offset: new[o])
+    return out
 
 
-def _put(b: Builder, flat: list[Scalar], at: Scalar, inside: Scalar, new) -> None:
-    """Replace element `at` of a flat array by `new` of it, if `inside`."""
-    if not isinstance(at, Value):
-        if 0 <= int(at) < len(flat):
-            flat[int(at)] = b.select(inside, new(flat[int(at)]), flat[int(at)])
-        return
-    for number, old in enumerate(flat):
-        here = b.operation("and", inside, b.operation("eq", at, INT.type(number)))
-        flat[number] = b.select(here, new(old), old)
+def _put(
+    b: Builder,
+    x: Elements,
+    starts: Sequence[Scalar],
+    offset: Sequence[int],
+    last: Sequence[int],
+    new: Callable[[Scalar], Scalar],
+) -> None:
+    """Replace the element `offset` after a start by `new` of it, if the start is from zero to
+    `last`."""
+    possible = [
+        range(end + 1) if isinstance(start, Value) else range(int(start), int(start) + 1)
+        for start, end in zip(starts, last, strict=True)
+    ]
+    for numbers in product(*possible):
+        here: Scalar = np.True_
+        for start, number, end in zip(starts, numbers, last, strict=True):
+            is_here = b.operation("eq", start, start.dtype.type(number))
+            here = b.operation("and", here, is_here if 0 <= number <= end else np.False_)
+        if isinstance(here, Value) or here:
+            place = tuple(n + o for n, o in zip(numbers, offset, strict=True))
+            x[place] = b.select(here, new(x[place]), x[place])
 
 
 @lowers("gather")
@@ -233,7 +247,7 @@ def _scatter(b: Builder, eqn, x: Elements, indices: Elements, updates: Elements)
     for dim, place in zip(window_dims, numbers.update_window_dims, strict=True):
         sizes[dim] = updates.shape[place]
     last = [dim - size for dim, size in zip(x.shape, sizes, strict=True)]
-    flat = list(x.flat)
+    out = x.copy()
     for index in np.ndindex(*updates.shape):
         batch = tuple(index[d] for d in batch_dims)
         offset = [0] * x.ndim
@@ -244,17 +258,10 @@ def _scatter(b: Builder, eqn, x: Elements, indices: Elements, updates: Elements)
             numbers.operand_batching_dims, numbers.scatter_indices_batching_dims, strict=True
         ):
             starts[dim] = INT.type(batch[of])
-        inside: Scalar = np.True_
         if mode == GatherScatterMode.CLIP:
             starts = [_clamped(b, s, end) for s, end in zip(starts, last, strict=True)]
-        else:
-            inside = _inside(b, starts, last)
-            starts = [b.convert(start, INT) for start in starts]
-        at = _linear(b, _shifted(b, starts, offset), x.shape)
-        _put(b, flat, at, inside, _joined(b, eqn, join, updates[index]))
-    out = np.empty(len(flat), object)
-    out[:] = flat
-    return out.reshape(x.shape)
+        _put(b, out, starts, offset, last, _joined(b, eqn, join, updates[index]))
+    return out
 
 
 def _joined(b: Builder, eqn, join: str, new: Scalar):
