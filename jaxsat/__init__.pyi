@@ -96,6 +96,7 @@ from jaxsat.synthesis.rare_events.result import RareEvent as RareEvent
 from jaxsat.synthesis.rare_events.run import rare_event as rare_event
 from jaxsat.synthesis.verification.result import Verification as Verification
 from jaxsat.synthesis.verification.run import verify as verify
+from jaxsat.synthesis.worst_case.run import WorstCase as WorstCase, worst_case as worst_case
 
 __version__: str
 IMPORTED_NS: int

@@ -50,6 +50,7 @@ from jaxsat.cli.terminal import (
 )
 from jaxsat.cli.tune import tune
 from jaxsat.cli.verify import verify
+from jaxsat.cli.worst import worst
 from jaxsat.core.errors import JaxsatError
 from jaxsat.core.text import at_least_digits, clean
 
@@ -77,6 +78,7 @@ app.command(front)
 app.command(tune)
 app.command(verify)
 app.command(rare)
+app.command(worst)
 app.command(design)
 app.command(controllability)
 app.command(export)

@@ -2,17 +2,26 @@
 
 from typing import Annotated, Any, Literal
 
-from annotated_types import Len
+from annotated_types import Ge, Gt, Le, Len, Lt
 from pydantic import Discriminator, Tag, model_validator
 
 from jaxsat.core.declaration.quantities import DISPERSIBLE, DispersibleQuantity
 from jaxsat.core.errors import ArgumentError
-from jaxsat.scenario.quantities import Number, ScenarioTable, Switch, choice, quantity, table_with
+from jaxsat.scenario.quantities import (
+    Number,
+    ScenarioTable,
+    Switch,
+    Whole,
+    choice,
+    quantity,
+    table_with,
+)
 
 NumberOrList = Annotated[
     Annotated[Number, Tag("one")] | Annotated[tuple[Number, ...], Len(1, 1000), Tag("each")],
     Discriminator(lambda value: "each" if isinstance(value, list | tuple) else "one"),
 ]
+_Coordinate = Annotated[Number, Gt(0), Lt(1)]
 Numbers = Annotated[tuple[Number, ...], Len(1, 1000)]
 
 
@@ -87,6 +96,15 @@ class DispersionTable(
         "Whether the law's internal model or ripple estimator knows the drawn disturbance "
         "frequencies",
         False,
+    )
+    case: Annotated[Whole, Ge(0), Le(2**32 - 1)] | None = quantity(
+        "Number of the case that `jaxsat simulate` flies in place of the nominal run", "1", None
+    )
+    point: Annotated[tuple[_Coordinate, ...], Len(1, 1000)] | None = quantity(
+        "Point in the unit cube, quantity by quantity in their order, that all cases have in place "
+        "of their own draws",
+        "1",
+        None,
     )
 
     @property

@@ -52,6 +52,18 @@ class Listed(AbstractDesign):
         return self.listed_noise[np.asarray(numbers)]
 
 
+class SamePoint(AbstractDesign):
+    """Cases at one point of the unit cube, which differ in their noise alone."""
+
+    seed: int = eqx.field(static=True)
+    point: tuple[float, ...] = eqx.field(static=True)
+
+    def points(self, numbers: np.ndarray, dimensions: Mapping[str, int]) -> np.ndarray:
+        """The point once for each number."""
+        _require_numbers(numbers)
+        return np.broadcast_to(self.point, (len(numbers), len(self.point))).copy()
+
+
 class Independent(AbstractDesign):
     """Independent draws; the case and the name are folded into the seed's key."""
 

@@ -38,6 +38,11 @@ Evaluate = Callable[
 """Function from points in the open unit cube and noise numbers to the margins of cases."""
 
 
+def cube_points(x: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """Return the points of the open unit cube at standard normal numbers."""
+    return np.clip(ndtr(x), 2.0**-53, 1 - 2.0**-53)
+
+
 class Space(NamedTuple):
     """Mask of `whole` coordinates, which are redrawn, not moved, as their meaning jumps; and
     whether cases have noise, which is always redrawn whole."""
@@ -181,7 +186,7 @@ class Splitting:
 
     def _evaluated_at(self, x, noise, root: np.ndarray | None) -> Population:
         """Evaluate cases; they are their own roots if none are given."""
-        points = np.clip(ndtr(x), 2.0**-53, 1 - 2.0**-53)
+        points = cube_points(x)
         number = self._evaluated + np.arange(len(x))
         self._evaluated += len(x)
         margin = self._evaluate(points, noise)

@@ -21,6 +21,7 @@ COMMANDS = [
     ("tune",),
     ("verify",),
     ("rare",),
+    ("worst",),
     ("controllability",),
     ("design",),
     ("export",),

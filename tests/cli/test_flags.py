@@ -38,6 +38,10 @@ FLAGS = {
         "--set --requirement --cases --replications --least --confidence --case --out --engine "
         "--workers --report --overwrite --yes --elsewhere --digits --quiet"
     ),
+    "worst": (
+        "--set --requirement --flights --within --out --engine --workers --report --overwrite "
+        "--yes --elsewhere --digits --quiet"
+    ),
     "controllability": (
         "--set --out --report --overwrite --digits --quiet --failures --drift --tolerance"
     ),

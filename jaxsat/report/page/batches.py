@@ -27,6 +27,7 @@ from jaxsat.report.study_plots import curves, settled_by_law, settling_plots
 from jaxsat.report.style import MOST_LINES
 from jaxsat.report.tuning_document import gain_plots, loss_plots, tuning_document
 from jaxsat.report.verification_document import verification_document
+from jaxsat.report.worst_case_document import worst_case_document
 from jaxsat.store.dataset import open_trajectory
 from jaxsat.store.files import OutputError, parse_json
 from jaxsat.store.labels import named_store, store_of_row
@@ -105,6 +106,14 @@ def rare_event_section(folder: Path) -> Document:
         document = rare_event_document(record)
         charts = Charts("Levels and violations", list(map(chart_of, rare_event_plots(record))))
     return _section("Rare event", folder, document, charts, record_provenance(record))
+
+
+def worst_case_section(folder: Path) -> Document:
+    """Return the section of a worst case."""
+    record = read_record(folder / "worst-case.json")
+    with form_explained(folder):
+        document = worst_case_document(record)
+    return _section("Worst case", folder, document, record_provenance(record))
 
 
 def _settled_by_law(folder: Path, rows: list[Mapping[str, Any]]) -> list[Chart]:

@@ -157,6 +157,7 @@ MADE_BY: Mapping[str, tuple[str, str]] = {
     "design.json": ("batches", "design_section"),
     "verification.json": ("batches", "verification_section"),
     "rare-event.json": ("batches", "rare_event_section"),
+    "worst-case.json": ("batches", "worst_case_section"),
     "failures.nc": ("batches", "controllability_section"),
     "verdicts.md": ("batches", "reproduction_section"),
 }
@@ -207,8 +208,8 @@ def _section(path: Path) -> Document:
             return _maker(*maker)(path)
     raise OutputError(
         f"{path} is no result of jaxsat; give the folder of a run, a tuning, a comparison, a "
-        "design, a verification, a rare event, a reproduction or an analysis of controllability, "
-        "or the store of a study."
+        "design, a verification, a rare event, a worst case, a reproduction or an analysis of "
+        "controllability, or the store of a study."
     )
 
 

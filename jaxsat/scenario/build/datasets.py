@@ -25,7 +25,15 @@ if TYPE_CHECKING:  # a single run needs neither
 def simulated(
     scenario: Scenario, tell: Callable[[str], None] = lambda obstacle: None
 ) -> LabelledArrays:
-    """Return the trajectory of a scenario; for `tell` see `Run.simulate`."""
+    """Return the trajectory of a scenario; for `tell` see `Run.simulate`.
+
+    It is that of the case `dispersion.case`, if there is one, as `replay_case` computes it.
+    """
+    if scenario.dispersion is not None and scenario.dispersion.case is not None:
+        from jaxsat.scenario.build.study import build_study
+
+        number = scenario.dispersion.case
+        return replayed_case(scenario, build_study(scenario, number + 1), number)
     run = build(scenario)
     return trajectory_arrays(
         run.simulate(tell),

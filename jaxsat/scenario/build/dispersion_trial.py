@@ -29,11 +29,12 @@ from jaxsat.studies.distributions import (
 def dispersion_issues(scenario: Scenario, run: Run, all_fit: bool) -> list[Issue]:
     """Return issues on invalid distributions, and on values that their quantities cannot have.
 
-    With `all_fit` also on quantities that the loop does not have, and on other obstacles to a
-    study. Raises `BuildError` if its program cannot be built.
+    With `all_fit`, or if a case is to be simulated, also on quantities that the loop does not have,
+    and on other obstacles to a study. Raises `BuildError` if its program cannot be built.
     """
     table = scenario.dispersion
     assert table is not None
+    all_fit = all_fit or table.case is not None
     distributions: dict[str, AbstractProbabilityDistribution] = {}
     issues = list(_exclusions(table))
     for name, entry in table.distributions.items():
@@ -55,7 +56,11 @@ def dispersion_issues(scenario: Scenario, run: Run, all_fit: bool) -> list[Issue
 
         issues += _start_of_a_study(scenario, set(distributions))
         with at_key("simulation.duration_s"):
-            study_program(scenario, run, scenario.simulation.seed)
+            copies, _ = study_program(scenario, run, scenario.simulation.seed)
+            size = sum(copies.dimensions().values())
+            if table.point is not None and len(table.point) != size:
+                rule = f"must have {size} numbers for the dispersed quantities"
+                issues.append(at("dispersion.point", f"{rule}, got {len(table.point)}"))
     return issues
 
 
@@ -64,6 +69,8 @@ def _exclusions(table: DispersionTable) -> Iterator[Issue]:
         if {one, other} <= table.distributions.keys():
             first, second = DISPERSIBLE[one].key, DISPERSIBLE[other].key
             yield at(f"dispersion.{second}", f"must be omitted with dispersion.{first}, got both")
+    if table.case is not None and table.point is None and table.design == "latin-hypercube":
+        yield at("dispersion.case", "must be omitted where cases depend on how many there are")
 
 
 def _start_of_a_study(scenario: Scenario, names: set[str]) -> Iterator[Issue]:

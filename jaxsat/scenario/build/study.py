@@ -38,7 +38,7 @@ from jaxsat.simulation.loops import ContinuousLoop
 from jaxsat.simulation.methods import SMOOTH_STEP
 from jaxsat.simulation.requirements import Requirements, raw_signals
 from jaxsat.simulation.sampled_loop import SampledLoop
-from jaxsat.studies.designs import AbstractDesign, Independent, LatinHypercube, Sobol
+from jaxsat.studies.designs import AbstractDesign, Independent, LatinHypercube, SamePoint, Sobol
 from jaxsat.studies.dispersions import RATES, Dispersed, Dispersions, StudyCase
 from jaxsat.studies.ensemble import Study
 
@@ -218,7 +218,7 @@ def _suitable_chunk(engine: AbstractEngine, count: int) -> int:
 def _numbers(scenario: Scenario) -> dict[str, Any]:
     """Scenario data that affect numbers, without the seed, which belongs to the study."""
     data = scenario.model_dump(mode="json", exclude={"title", "description", "tuning"})
-    del data["simulation"]["seed"]
+    del data["simulation"]["seed"], data["dispersion"]["case"]
     return data
 
 
@@ -229,6 +229,8 @@ def build_dispersions(table: DispersionTable) -> Dispersions:
 
 
 def _design(table: DispersionTable, seed: int, count: int) -> AbstractDesign:
+    if table.point is not None:
+        return SamePoint(seed, table.point)
     if table.design == "sobol":
         return Sobol(seed)
     return LatinHypercube(seed, count) if table.design == "latin-hypercube" else Independent(seed)

@@ -7,7 +7,7 @@ import numpy as np
 from jaxsat.simulation.trajectory import Outcome
 from jaxsat.studies.columns import DRAWN
 from jaxsat.studies.splitting import Level, Replications, Space
-from jaxsat.synthesis.rare_events.flights import Batch
+from jaxsat.synthesis.flights import Batch
 from jaxsat.synthesis.rare_events.violations import MOST_VALUES, Violations, counted
 
 LEAST_ROOTS = 20

@@ -5,19 +5,14 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from jaxsat.core.declaration.requirements import comparisons
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.package_files import text_of
 from jaxsat.report.rare_event_document import rare_event_plots
 from jaxsat.scenario import Scenario, dump
-from jaxsat.scenario.build.study import PILOTS, refined_study
-from jaxsat.scenario.errors import MissingTable
 from jaxsat.scenario.parts.requirements import RequirementTable
-from jaxsat.scenario.resolution import excessive_error
 from jaxsat.store.files import OutputError
 from jaxsat.store.header import differences as where_other
 from jaxsat.store.marker import Marker
@@ -29,9 +24,19 @@ from jaxsat.studies.splitting import LENGTH, Level, Replications, Splitting, int
 from jaxsat.studies.statistics import Interval
 from jaxsat.studies.work import study_work
 from jaxsat.synthesis.execution import Execution, Listener, folder_of_call
+from jaxsat.synthesis.flights import (
+    Batch,
+    Flights,
+    chosen_requirement,
+    excess_of,
+    identity_of,
+    listed_flights,
+    space_of,
+    study_of_requirements,
+    unit_of,
+)
 from jaxsat.synthesis.plain_data import plain_data
 from jaxsat.synthesis.rare_events.doubts import doubts_of
-from jaxsat.synthesis.rare_events.flights import Batch, Flights, listed_flights, space_of
 from jaxsat.synthesis.rare_events.result import EstimateSettings, LevelRow, RareEvent
 from jaxsat.synthesis.rare_events.violations import Violations, differences
 
@@ -67,10 +72,10 @@ def rare_event(
     cannot be used, and `ValueError` for an engine that cannot run the study.
     """
     settings = EstimateSettings(cases, replications, least, confidence)
-    scenario, study = _refined(scenario, execution, listener)
-    table = _chosen(scenario, study, requirement)
+    scenario, study = study_of_requirements(scenario, execution, listener)
+    table = chosen_requirement(scenario, study, requirement)
     listener.approve([study_work(replace(study, count=_most_flights(settings)))])
-    identity = _identity(scenario, study)
+    identity = identity_of(scenario, study)
     identity |= {"requirement": table.id, "settings": vars(settings)}
     with folder_of_call(out, KIND, identity, execution.elsewhere) as folder:
         folder.write(SCENARIO, dump(scenario))
@@ -81,7 +86,7 @@ def rare_event(
         samples = splitting.replicate(levels, replications)
         estimate = _Estimate(scenario, table, settings, levels, reached, samples)
         everything = flights.together()
-        if excess := _excess(everything, scenario):
+        if excess := excess_of(everything, scenario):
             listener.warn(excess)
         result = estimate.result(study, everything, str(folder.path))
         if out is not None:
@@ -104,9 +109,9 @@ def flown_again(
     marker = Marker.read(Path(out)) if Path(out).is_dir() else None
     if marker is None or marker.kind != KIND:
         raise OutputError(f"{out} holds no estimate of a rare event; give the folder of one.")
-    scenario, study = _refined(scenario, execution, listener)
+    scenario, study = study_of_requirements(scenario, execution, listener)
     stored = {key: marker.about["identity"].get(key) for key in ("scenario", "engine", "program")}
-    current = json.loads(json.dumps(_identity(scenario, study)))
+    current = json.loads(json.dumps(identity_of(scenario, study)))
     if other := where_other(stored, {key: current[key] for key in stored}):
         raise OutputError(f"{out} holds an estimate of another scenario ({'; '.join(other)}).")
     with ResumableFolder(out, KIND, {}) as folder:
@@ -117,52 +122,10 @@ def flown_again(
     return scenario, replace(study, design=design, count=len(points))
 
 
-def _refined(
-    scenario: Scenario, execution: Execution, listener: Listener
-) -> tuple[Scenario, Study]:
-    """Return the scenario with steps as fine as it requires, and a study of it."""
-    if not scenario.requirement:
-        raise MissingTable("[requirement]")
-    if scenario.dispersion is None:
-        raise MissingTable("dispersion")
-    listener.progress("compiling", None)
-    scenario, study = refined_study(scenario, PILOTS, listener.remark, engine=execution.engine)
-    if study.remark is not None:
-        listener.remark(study.remark)
-    return scenario, study
-
-
-def _chosen(scenario: Scenario, study: Study, name: str | None) -> RequirementTable:
-    """Return the requirement of that id; raises `ArgumentError` if studies do not judge it."""
-    requirements = study.program.requirements
-    judged = () if requirements is None else requirements.names
-    if name is None and len(judged) == 1:
-        name = judged[0]
-    if name not in judged:
-        rule = f"must be one that studies judge: {', '.join(judged) or 'there is none'}"
-        raise ArgumentError("requirement", rule, name or "nothing")
-    return next(one for one in scenario.requirement if one.id == name)
-
-
 def _most_flights(settings: EstimateSettings) -> int:
     levels = math.ceil(-math.log(settings.least) / math.log(LENGTH))
     population = settings.cases + levels * (settings.cases - settings.cases // LENGTH)
     return (1 + settings.replications) * population
-
-
-def _identity(scenario: Scenario, study: Study) -> dict[str, Any]:
-    identity = study.identity()
-    own = {"engine": identity["engine"], "program": identity["program"]}
-    return {"scenario": scenario.model_dump(mode="json"), **own}
-
-
-def _excess(flights: Batch, scenario: Scenario) -> str:
-    """Return a warning where solver errors exceed those that the scenario allows."""
-    errors = [
-        float(np.nanmax(flights[name], initial=0.0)) if name in flights else None
-        for name in ("rate_error", "attitude_error")
-    ]
-    return excessive_error((errors[0], errors[1]), scenario)
 
 
 @dataclass(frozen=True)
@@ -188,11 +151,11 @@ class _Estimate:
         )
         margins = flights["margin"][violations.number]
         worst = None
-        margin, unit, again = math.nan, _unit(self.table)[0], ""
+        margin, unit, again = math.nan, unit_of(self.table)[0], ""
         if len(margins):
             place = int(np.argmin(np.nan_to_num(margins, nan=-np.inf)))
             worst = int(violations.number[place])
-            margin = float(margins[place]) / _unit(self.table)[1]
+            margin = float(margins[place]) / unit_of(self.table)[1]
             again = f"jaxsat rare {folder}/{SCENARIO} --out {folder} --case {worst}"
         return RareEvent(
             self.scenario.title,
@@ -227,7 +190,7 @@ class _Estimate:
 
     def _levels(self) -> Iterator[LevelRow]:
         """Yield the levels with their probabilities, the last with margin zero."""
-        size = _unit(self.table)[1]
+        size = unit_of(self.table)[1]
         fractions = self.samples.fractions
         probabilities = np.cumprod(fractions, axis=1).mean(axis=0)
         by_margin = {one.margin: one for one in self.samples.levels}
@@ -242,12 +205,6 @@ class _Estimate:
                 moved,
                 redrawn,
             )
-
-
-def _unit(table: RequirementTable) -> tuple[str, float]:
-    """Return the unit of the margin and its size in SI; SI where comparisons have several units."""
-    units = {(one.unit, one.size) for one in comparisons(table.parsed)}
-    return units.pop() if len(units) == 1 else ("SI", 1.0)
 
 
 def _write(

@@ -12,7 +12,7 @@ from jaxsat.report.rare_event_document import PERCENTS
 from jaxsat.studies.columns import DRAWN
 from jaxsat.studies.sensitivities import numbers_of
 from jaxsat.studies.splitting import Replications
-from jaxsat.synthesis.rare_events.flights import ROUNDED, Batch
+from jaxsat.synthesis.flights import ROUNDED, Batch
 from jaxsat.synthesis.rare_events.result import Difference
 
 MOST_VALUES = 40

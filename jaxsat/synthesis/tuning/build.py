@@ -1,7 +1,6 @@
 """Conversion of a scenario with a `[tuning]` table to a tuning plan, and back."""
 
 import dataclasses
-import importlib.util
 import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, cast
@@ -42,7 +41,7 @@ from jaxsat.synthesis.tuning.plan import (
     TuningSettings,
     WorstCase,
 )
-from jaxsat.synthesis.tuning.strategies import PACKAGE
+from jaxsat.synthesis.tuning.strategies import require_package
 
 
 def build_plan(
@@ -115,11 +114,8 @@ def build_plan(
 
 
 def _require_optimiser(table: TuningTable) -> None:
-    if table.optimiser == DERIVATIVE_FREE and importlib.util.find_spec(PACKAGE) is None:
-        raise ValueError(
-            f'tuning.optimiser = "{DERIVATIVE_FREE}" must have the package {PACKAGE}: '
-            "pip install 'jaxsat[baselines]'."
-        )
+    if table.optimiser == DERIVATIVE_FREE:
+        require_package(f'tuning.optimiser = "{DERIVATIVE_FREE}"')
 
 
 class _Forms(NamedTuple):

@@ -4,6 +4,7 @@ The state of a strategy is its history: the same history gives the same populati
 resumed from the records of its steps alone.
 """
 
+import importlib.util
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,12 +18,30 @@ INITIAL_DEVIATION = 0.25
 PACKAGE = "cma"
 
 
-def new_strategy(first: np.ndarray, seed: int, population: int | None = None) -> Any:
-    """Return a strategy in the unit cube from an initial mean, without stopping criteria."""
+def require_package(what: str) -> None:
+    """Raise `ValueError` if the package of the strategies, which `what` needs, is missing."""
+    if importlib.util.find_spec(PACKAGE) is None:
+        raise ValueError(
+            f"{what} must have the package {PACKAGE}: pip install 'jaxsat[baselines]'."
+        )
+
+
+def new_strategy(
+    first: np.ndarray,
+    seed: int,
+    population: int | None = None,
+    *,
+    bounds: tuple[float, float] = (0.0, 1.0),
+    deviation: float = INITIAL_DEVIATION,
+) -> Any:
+    """Return a strategy from an initial mean and standard deviation, without stopping criteria.
+
+    `bounds` are those of every coordinate and may be infinite.
+    """
     import cma
 
     options = {
-        "bounds": [0.0, 1.0],
+        "bounds": list(bounds),
         "seed": seed + 1,  # zero would mean the clock
         "verbose": -9,
         "maxiter": 10**9,
@@ -32,7 +51,7 @@ def new_strategy(first: np.ndarray, seed: int, population: int | None = None) ->
     }
     if population is not None:
         options["popsize"] = population
-    return cma.CMAEvolutionStrategy(np.clip(first, 0.0, 1.0), INITIAL_DEVIATION, options)
+    return cma.CMAEvolutionStrategy(np.clip(first, *bounds), deviation, options)
 
 
 def next_population(

@@ -1,14 +1,22 @@
-"""Flights of an estimate, batch by batch, in a folder by which the same call resumes."""
+"""Flights that judge a requirement, batch by batch, in a folder by which the same call resumes."""
 
 import io
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import jax
 import numpy as np
 from jaxtyping import Float, UInt32
 
 from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.declaration.requirements import comparisons
+from jaxsat.core.errors import ArgumentError
+from jaxsat.scenario import Scenario
+from jaxsat.scenario.build.study import PILOTS, refined_study
+from jaxsat.scenario.errors import MissingTable
+from jaxsat.scenario.parts.requirements import RequirementTable
+from jaxsat.scenario.resolution import excessive_error
 from jaxsat.simulation.engine.progress import Outputs
 from jaxsat.simulation.requirements import Requirements
 from jaxsat.store.files import OutputError
@@ -19,6 +27,7 @@ from jaxsat.studies.distributions import Discrete
 from jaxsat.studies.ensemble import Study
 from jaxsat.studies.executors import AbstractExecutor, Serial
 from jaxsat.studies.splitting import Space
+from jaxsat.synthesis.execution import Execution, Listener
 
 PLACE = "flights/{:05}.npz"
 """File of a batch."""
@@ -67,7 +76,7 @@ class Flights:
             batch = {"point": points, "noise": noise, **self._flown(points, noise)}
             self.folder.write(place, _packed(batch))
         elif not np.array_equal(batch["point"], points):
-            raise OutputError(f"{self.folder.path} holds another estimate; give another folder.")
+            raise OutputError(f"{self.folder.path} holds other flights; give another folder.")
         self.batches.append(batch)
         self.count += len(points)
         self.tell(self.count)
@@ -150,3 +159,52 @@ def listed_flights(folder: ResumableFolder) -> tuple[np.ndarray, np.ndarray]:
         raise OutputError(f"{folder.path} holds no flights yet.")
     points, noise = (np.concatenate([one[name] for one in batches]) for name in ("point", "noise"))
     return points, noise
+
+
+def study_of_requirements(
+    scenario: Scenario, execution: Execution, listener: Listener
+) -> tuple[Scenario, Study]:
+    """Return the scenario with steps as fine as it requires, and a study of it."""
+    if not scenario.requirement:
+        raise MissingTable("[requirement]")
+    if scenario.dispersion is None:
+        raise MissingTable("dispersion")
+    listener.progress("compiling", None)
+    scenario, study = refined_study(scenario, PILOTS, listener.remark, engine=execution.engine)
+    if study.remark is not None:
+        listener.remark(study.remark)
+    return scenario, study
+
+
+def chosen_requirement(scenario: Scenario, study: Study, name: str | None) -> RequirementTable:
+    """Return the requirement of that id; raises `ArgumentError` if studies do not judge it."""
+    requirements = study.program.requirements
+    judged = () if requirements is None else requirements.names
+    if name is None and len(judged) == 1:
+        name = judged[0]
+    if name not in judged:
+        rule = f"must be one that studies judge: {', '.join(judged) or 'there is none'}"
+        raise ArgumentError("requirement", rule, name or "nothing")
+    return next(one for one in scenario.requirement if one.id == name)
+
+
+def identity_of(scenario: Scenario, study: Study) -> dict[str, Any]:
+    """Return the data that affect the numbers of every flight."""
+    identity = study.identity()
+    own = {"engine": identity["engine"], "program": identity["program"]}
+    return {"scenario": scenario.model_dump(mode="json"), **own}
+
+
+def excess_of(flights: Batch, scenario: Scenario) -> str:
+    """Return a warning where solver errors exceed those that the scenario allows."""
+    errors = [
+        float(np.nanmax(flights[name], initial=0.0)) if name in flights else None
+        for name in ("rate_error", "attitude_error")
+    ]
+    return excessive_error((errors[0], errors[1]), scenario)
+
+
+def unit_of(table: RequirementTable) -> tuple[str, float]:
+    """Return the unit of the margin and its size in SI; SI where comparisons have several units."""
+    units = {(one.unit, one.size) for one in comparisons(table.parsed)}
+    return units.pop() if len(units) == 1 else ("SI", 1.0)

@@ -1,0 +1,64 @@
+"""`jaxsat worst`: the least margin of a requirement that dispersions can bring about."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from jaxsat.cli.listening import run_into
+from jaxsat.cli.loading import load_scenario
+from jaxsat.cli.options import MAX_BATCH_SIZE, Overrides, Resumable, Text, number, whole
+from jaxsat.cli.report import planned_report, present
+from jaxsat.cli.terminal import SUCCESS
+
+OPTIONS = ("requirement", "flights", "within")
+
+
+def worst(
+    scenario: str,
+    /,
+    *,
+    overrides: Overrides = (),
+    requirement: Text = None,
+    flights: Annotated[int, Parameter(converter=whole(100, MAX_BATCH_SIZE))] = 2000,
+    within: Annotated[float, Parameter(converter=number(0.0, 1.0, open_ends=True))] = 0.9973,
+    results: Resumable = Resumable(),
+) -> int:
+    """Search for the case with the least margin of a requirement.
+
+    Flies random cases and, from the worst of them on, as many of a search by covariance matrix
+    adaptation over all dispersed quantities: starts, errors, failure times, disturbances. Writes
+    the worst case as a scenario, case.toml, that jaxsat simulate flies. The same command resumes an
+    interrupted run.
+
+    Parameters
+    ----------
+    scenario
+        A name from `jaxsat scenarios list`, or a TOML file, with [[requirement]] and [dispersion].
+    requirement
+        The id of the requirement; may be left out if there is only one.
+    flights
+        Flights of the search, and as many random ones beside it.
+    within
+        The search is among this part of all cases, the likeliest ones.
+    results.out
+        Output folder; by default jaxsat-NAME-worst in the current folder.
+    """
+    chosen = load_scenario(scenario, overrides, "study")
+    target = results.out or Path(f"jaxsat-{Path(scenario).stem}-worst")
+    report = planned_report(results, target)
+
+    import jaxsat
+    from jaxsat.report.worst_case_document import worst_case_document
+    from jaxsat.synthesis.plain_data import plain_data
+
+    result = run_into(
+        target,
+        results,
+        lambda **into: jaxsat.worst_case(
+            chosen, requirement, flights=flights, within=within, **into
+        ),
+        OPTIONS,
+    )
+    present(worst_case_document(plain_data(result.as_data())), target, results, report)
+    return SUCCESS

@@ -1,0 +1,1 @@
+"""The least margin of a requirement that dispersions can bring about."""
