@@ -41,7 +41,6 @@ class Builder:
             self.cutter = like.cutter
         self.ranges = Ranges() if like is None else like.ranges
         self.predicates = Predicates()
-        self.sine_and_cosine: set[Any] = set()  # variables of jaxprs
         self._negated: dict[int, ir.Scalar] = {}  # what a value is the negative of
         # of products in a compact program
         self.factors: dict[int, tuple[ir.Scalar, ir.Scalar]] = {}

@@ -90,7 +90,6 @@ def lower(b: Builder, jaxpr: Jaxpr, arrays: Sequence[Elements]) -> list[Elements
         return environment[atom]
 
     note_repeated(b, jaxpr)
-    note_pairs(b, jaxpr)
     for eqn in jaxpr.equations:
         outputs = _apply(b, eqn, [read(atom) for atom in eqn.inputs])
         environment.update(zip(eqn.outputs, outputs, strict=True))
@@ -104,19 +103,6 @@ def note_repeated(b: Builder, jaxpr: Jaxpr) -> None:
         body = next(one for one in bodies if id(one) == inner)
         if times >= REPEATED and equations(body) >= LONG:
             b.repeated[inner] = body
-
-
-def note_pairs(b: Builder, jaxpr: Jaxpr) -> None:
-    """Note variables of which both sine and cosine are needed: they share much."""
-    sin, cos = (
-        {
-            eqn.inputs[0]
-            for eqn in jaxpr.equations
-            if eqn.name in names and not isinstance(eqn.inputs[0], Literal)
-        }
-        for names in (("sin", "jaxsat_sin"), ("cos", "jaxsat_cos"))
-    )
-    b.sine_and_cosine |= sin & cos
 
 
 def equations(jaxpr: Jaxpr) -> int:

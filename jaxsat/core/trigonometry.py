@@ -77,31 +77,11 @@ def reduced(size: Float[Array, "*n"]) -> tuple[Float[Array, "*n"], Int[Array, "*
     return _less_multiple(size, _TWO_OVER_PI, _PIECES)
 
 
-def reduced_by_half_turns(size: Float[Array, "*n"]) -> tuple[Array, Int[Array, "*n"]]:
-    """Return r and k of x = k pi + r for positive x, as by `reduced`; one bit of k matters."""
-    return _less_multiple(size, _ONE_OVER_PI, _HALF_TURN_PIECES)
-
-
 def _less_multiple(size, times: float, pieces) -> tuple[Array, Int[Array, "*n"]]:
     shifted = ROUNDER + size * times
     less = ROUNDER - shifted  # minus the multiple
     first, second, third = pieces
     return ((size + less * first) + less * second) + less * third, bits_of(shifted)
-
-
-def sin_of(x: Float[Array, "*n"], r: Float[Array, "*n"], k: Int[Array, "*n"]) -> Array:
-    """Return the sine of x, |x| being reduced to r and k by half-turns."""
-    z = r * r
-    total = jnp.full_like(r, HALF_TURN[-1])
-    for coefficient in HALF_TURN[-2::-1]:
-        total = coefficient + total * z
-    return signed(r + z * r * total, (k << 63) ^ bits_of(x))
-
-
-def cos_of(r: Float[Array, "*n"], q: Int[Array, "*n"]) -> Float[Array, "*n"]:
-    """Return the cosine of an angle reduced to r and q."""
-    following = q + np.int64(1)
-    return signed(_of_reduced(r, is_odd(following)), following << 62)
 
 
 def _of_reduced(r: Float[Array, "*n"], by_cosine: Bool[Array, "*n"]) -> Float[Array, "*n"]:
@@ -136,13 +116,19 @@ def signed(x: Float[Array, "*n"], bits: Int[Array, "*n"]) -> Float[Array, "*n"]:
 
 
 def _sin(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    r, k = reduced_by_half_turns(jnp.abs(x))
-    return sin_of(x, lax.clamp(-2.0, r, 2.0), k)  # bounded where x is too large to be reduced
+    r, k = _less_multiple(jnp.abs(x), _ONE_OVER_PI, _HALF_TURN_PIECES)
+    r = lax.clamp(-2.0, r, 2.0)  # bounded where x is too large to be reduced
+    z = r * r
+    total = jnp.full_like(r, HALF_TURN[-1])
+    for coefficient in HALF_TURN[-2::-1]:
+        total = coefficient + total * z
+    return signed(r + z * r * total, (k << 63) ^ bits_of(x))
 
 
 def _cos(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
     r, quadrant = reduced(jnp.abs(x))
-    return cos_of(lax.clamp(-1.0, r, 1.0), quadrant)
+    following = quadrant + np.int64(1)
+    return signed(_of_reduced(lax.clamp(-1.0, r, 1.0), is_odd(following)), following << 62)
 
 
 def _primitive(name: str, usual: Callable, written: Callable) -> Primitive:

@@ -18,9 +18,9 @@ from compiler.numpy_interpreter import evaluate
 from helpers.compiling import fully_optimised
 from jaxsat.compiler.functions import FUNCTIONS, program
 from jaxsat.compiler.llvm.mapped import Mapped
+from jaxsat.compiler.rules.mathematics import PARTS
 
 ULPS = {name: 4.0 if name in ("pow", "erf_inv") else 2.0 for name in REFERENCES}
-NEAR = ["sin", "cos"]
 BASIC = {
     "abs", "add", "and", "bitcast_convert_type", "broadcast_in_dim", "cond",
     "convert_element_type", "div", "dynamic_slice", "eq", "floor", "ge", "gt", "le", "lt",
@@ -114,19 +114,40 @@ def test_sincos_is_sine_and_cosine():
 
 
 def test_the_short_way_of_sine_and_cosine_is_accurate_below_its_limit():
-    """Alone and together; beyond the limit it says that it is wrong."""
+    """Beyond the limit it says that it is wrong."""
     rng = np.random.default_rng(6)
     x = np.concatenate([points("sin", rng, 300), rng.uniform(-(2.0**14), 2.0**14, 600)])
     short = np.abs(x) < 2.0**14
-    for name, parts in (("near_sin", ["sin"]), ("near_cos", ["cos"]), ("near_sincos", NEAR)):
-        for found in (evaluate(program(name, "float64"), x), fully_optimised(FUNCTIONS[name])(x)):
-            np.testing.assert_array_equal(np.asarray(found[-1]), ~short)
-            for part, values in zip(parts, found[:-1], strict=True):
-                errors = errors_in_ulps(np.asarray(values)[short], exact_values(part, (x[short],)))
-                assert errors.max() <= ULPS[part], x[short][errors.argmax()]
+    name = "near_sincos"
+    for found in (evaluate(program(name, "float64"), x), fully_optimised(FUNCTIONS[name])(x)):
+        np.testing.assert_array_equal(np.asarray(found[-1]), ~short)
+        for part, values in zip(PARTS, found[:-1], strict=True):
+            errors = errors_in_ulps(np.asarray(values)[short], exact_values(part, (x[short],)))
+            assert errors.max() <= ULPS[part], x[short][errors.argmax()]
     both = Mapped(lambda x, shared: (lax.sin(x), lax.cos(x)), 0.0)(x)
-    for part, values in zip(NEAR, both, strict=True):
+    for part, values in zip(PARTS, both, strict=True):
         assert errors_in_ulps(values, exact_values(part, (x,))).max() <= ULPS[part]
+
+
+@pytest.mark.parametrize("contract", [True, False])
+def test_sine_and_cosine_have_the_same_bits_alone_and_together(contract):
+    """Also of an angle that ends in a sum of a product, and where sums read the results."""
+    rng = np.random.default_rng(8)
+    x = np.concatenate([points("sin", rng, 300), rng.uniform(-(2.0**14), 2.0**14, 600), EDGES])
+    cases = x, rng.uniform(0.5, 2, x.size), rng.normal(size=x.size)
+
+    def found(*functions):
+        def results(case, shared):
+            x, scale, shift = case
+            angle = x * scale + shift
+            return [(f(x), shift + scale * f(angle)) for f in functions]
+
+        values = Mapped(results, (0.0, 0.0, 0.0), contract=contract)(cases)
+        return [np.asarray(value).view(np.int64) for value in jax.tree.leaves(values)]
+
+    sine, cosine = found(lax.sin), found(lax.cos)
+    np.testing.assert_array_equal(found(lax.sin, lax.cos), [*sine, *cosine])
+    np.testing.assert_array_equal(found(lax.cos, lax.sin), [*cosine, *sine])
 
 
 @pytest.mark.parametrize("name", ["atan2", "erf_inv"])

@@ -27,8 +27,6 @@ from jaxsat.compiler.functions.trigonometric import (
     atan2,
     cos,
     near_atan2,
-    near_cos,
-    near_sin,
     near_sincos,
     sin,
     sincos,
@@ -54,8 +52,8 @@ FUNCTIONS: dict[str, Callable] = {
     function.__name__: _of_any_float(function)
     for function in (
         acos, acosh, asin, asinh, atan, atan2, atanh, cbrt, cos, cosh, erf, erf_inv, erfc, exp,
-        exp2, expm1, log, log1p, logistic, near_atan2, near_cos, near_erf_inv, near_sin,
-        near_sincos, pow, sin, sincos, sinh, tan, tanh,
+        exp2, expm1, log, log1p, logistic, near_atan2, near_erf_inv, near_sincos, pow, sin,
+        sincos, sinh, tan, tanh,
     )
 }  # fmt: skip
 

@@ -7,6 +7,7 @@ from jaxsat.compiler.functions.bits import (
     Double,
     Integer,
     Truth,
+    bits_of,
     fast_two_sum,
     fitted,
     horner,
@@ -18,16 +19,7 @@ from jaxsat.compiler.functions.bits import (
     with_sign_of,
 )
 from jaxsat.compiler.functions.reduction import reduced
-from jaxsat.core.trigonometry import (
-    COSINE,
-    NEAR_LIMIT,
-    SINE,
-    cos_of,
-    is_odd,
-    reduced_by_half_turns,
-    signed,
-    sin_of,
-)
+from jaxsat.core.trigonometry import COSINE, NEAR_LIMIT, SINE, is_odd, signed
 from jaxsat.core.trigonometry import reduced as near
 
 _HALF_TANGENT = fitted("HALF_TANGENT")
@@ -58,21 +50,18 @@ def sincos(x: Double) -> tuple[Double, Double]:
 
 
 def near_sincos(x: Double) -> tuple[Double, Double, Truth]:
-    """Sine and cosine in fewer steps, one ulp less accurate, and where they are wrong."""
-    sine, wrong = near_sin(x)
-    return sine, near_cos(x)[0], wrong
+    """Sine and cosine in fewer steps, one ulp less accurate, and where they are wrong.
 
-
-def near_sin(x: Double) -> tuple[Double, Truth]:
-    """Sine in fewer steps, valid below a size that is seldom exceeded, and where it is wrong."""
+    They are right below a size that is seldom exceeded. One alone needs all steps but a selection
+    and a sign, so it has the same bits whether or not a program also needs the other.
+    """
     size = lax.abs(x)
-    return sin_of(x, *reduced_by_half_turns(size)), size >= NEAR_LIMIT
-
-
-def near_cos(x: Double) -> tuple[Double, Truth]:
-    """Cosine in fewer steps, and where it is wrong."""
-    size = lax.abs(x)
-    return cos_of(*near(size)), size >= NEAR_LIMIT
+    r, quadrant = near(size)
+    z = r * r
+    sine = r + z * r * horner(z, SINE)
+    cosine = (1.0 - 0.5 * z) + z * z * horner(z, COSINE)
+    first, second = _chosen(sine, cosine, quadrant)
+    return signed(first, (quadrant << 62) ^ bits_of(x)), second, size >= NEAR_LIMIT
 
 
 def _chosen(sine: Double, cosine: Double, quadrant: Integer) -> tuple[Double, Double]:

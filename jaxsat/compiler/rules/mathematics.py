@@ -10,7 +10,6 @@ from jaxsat.compiler.ir import Function, Scalar, Value
 from jaxsat.compiler.lowering import Elements, each, filled, function_of, lower, lowers
 from jaxsat.compiler.operations import INT
 from jaxsat.compiler.passes.dead_code import without_dead_code
-from jaxsat.core.jaxprs import Literal
 
 PARTS = ("sin", "cos")
 """Results of the function `sincos`, which is called once for both."""
@@ -18,7 +17,7 @@ PARTS = ("sin", "cos")
 SHORT = ("atan2", "erf_inv")
 """Functions with a short version, which is inlined."""
 
-INTERNAL = ("sincos", "near_sincos", *(f"near_{name}" for name in (*PARTS, *SHORT)))
+INTERNAL = ("sincos", "near_sincos", *(f"near_{name}" for name in SHORT))
 """Functions that are no primitives."""
 
 
@@ -58,49 +57,45 @@ def _by_short_way(b: Builder, eqn, *arrays: Elements) -> Elements:
 @lowers(*PARTS, *(f"jaxsat_{part}" for part in PARTS))
 def _sine_or_cosine(b: Builder, eqn, x: Elements) -> Elements:
     """Inline the short version, with a call where it fails in some lane, which is rare."""
-    part, operand = eqn.name.removeprefix("jaxsat_"), eqn.inputs[0]
+    place = PARTS.index(eqn.name.removeprefix("jaxsat_"))
     if b.compact:
-        return each(lambda y: _compact(b, part, y), x)
-    aval: Any = operand.aval
-    both = not isinstance(operand, Literal) and operand in b.sine_and_cosine
-    name = "near_sincos" if both else f"near_{part}"
-    closed = program(name, aval.dtype)
-    place = PARTS.index(part) if both else 0
+        return each(lambda y: _compact(b, place, y), x)
 
     def one(y: Scalar) -> Scalar:
         def long_way() -> Scalar:
-            return _called(b, "sincos", [y])[PARTS.index(part)]
+            return _called(b, "sincos", [y])[place]
 
         if not isinstance(y, Value):
             return long_way()
-        results: Any = b.block.find((name, y.number))
+        results: Any = b.block.find(("near_sincos", y.number))
         if results is None:  # else the builder would share every operation
+            closed = program("near_sincos", y.dtype)  # of one alone, the other is dead code
             results = [result[()] for result in lower(b, closed, [filled((), y)])]
-            b.block.known[name, y.number] = results
+            b.block.known["near_sincos", y.number] = results
         return b.cold_branch(results[-1], long_way, results[place])
 
     return each(one, x)
 
 
-def _compact(b: Builder, part: str, y: Scalar) -> Scalar:
+def _compact(b: Builder, place: int, y: Scalar) -> Scalar:
     """Call sine or cosine as one function, which contains the rare long version."""
     if not isinstance(y, Value):
-        return _called(b, "sincos", [y])[PARTS.index(part)]
-    key = (part, y.dtype.char, y.uniform)
+        return _called(b, "sincos", [y])[place]
+    key = (PARTS[place], y.dtype.char, y.uniform)
     if key not in b.functions:
         param, inner = Value(y.dtype, y.uniform), Builder(like=b)
         inner.functions = b.functions
-        closed = b.cut(program(f"near_{part}", y.dtype))
+        closed = b.cut(program("near_sincos", y.dtype))
         with b.at(()):
             results = [result[()] for result in lower(inner, closed, [filled((), param)])]
             result = inner.switch(
                 inner.convert(results[-1], INT),
                 [
-                    lambda: results[:1],
-                    lambda: [_called(inner, "sincos", [param])[PARTS.index(part)]],
+                    lambda: [results[place]],
+                    lambda: [_called(inner, "sincos", [param])[place]],
                 ],
             )[0]
-        whole = Function(f"{part}.{y.dtype.char}", [param], inner.block, [result])
+        whole = Function(f"{PARTS[place]}.{y.dtype.char}", [param], inner.block, [result])
         b.functions[key] = without_dead_code(whole)
     return b.call(b.functions[key], [y])[0]
 
