@@ -59,7 +59,7 @@ def near_sincos(x: Double) -> tuple[Double, Double, Truth]:
     r, quadrant = near(size)
     z = r * r
     sine = r + z * r * horner(z, SINE)
-    cosine = (1.0 - 0.5 * z) + z * z * horner(z, COSINE)
+    cosine = horner(z, (1.0, -0.5, *COSINE))
     first, second = _chosen(sine, cosine, quadrant)
     return signed(first, (quadrant << 62) ^ bits_of(x)), second, size >= NEAR_LIMIT
 

@@ -233,7 +233,7 @@ def _attempt_step(stepper: AdaptiveStepper, ode: FlatODE, active, progress: Prog
     dense = DenseStep(state.t, step, begin, increments, zeros, effort, state.signs)
     end = StepEnd(step, after, rates[-1], state.signs, state.events)
     end = until_event(ode, state.signs, state.events, dense, end, accepted, tolerance.min_step)
-    fraction = end.length / step
+    fraction = end.length / step if state.signs.size else jnp.ones_like(step)
     coefficients = ode.torque_coefficients(increments)
     zeros = sign_changes(coefficients, ode.output.sign_checks, fraction, accepted, ode.cold_branch)
     dense = dense._replace(torque_zeros=stop_gradient(zeros))

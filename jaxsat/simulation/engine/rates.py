@@ -95,7 +95,8 @@ def within_limit(state: PyTree, limit: RealScalar, *finite: PyTree) -> Array:
         is_leaf=_is_plant,
     )
     squares = [jnp.sum(x**2) for x in _floats(motion)]
-    squares += [jnp.sum(0 * x) for x in _floats((state, finite))]
+    plants = [x for x in jax.tree.leaves(state, is_leaf=_is_plant) if _is_plant(x)]
+    squares += [jnp.sum(0 * x) for x in _floats(([plant.effectors for plant in plants], finite))]
     return sum(squares) < limit**2  # which fails for NaN, too
 
 
