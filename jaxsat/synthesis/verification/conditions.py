@@ -111,7 +111,8 @@ def with_failures(scenario: Scenario, group: Sequence[ActuatorDeclaration]) -> S
             for place, one in enumerate(group)
         ),
     ]
-    own = {k: v for k, v in data["dispersion"].items() if not k.startswith(("failure_", "failed_"))}
+    left_out = ("failure_", "failed_", "case", "point")
+    own = {k: v for k, v in data["dispersion"].items() if not k.startswith(left_out)}
     data["dispersion"] = own
     loop = build(validated(data, scenario.title)).loop
     data["dispersion"] = own | {

@@ -206,6 +206,12 @@ def test_failures_that_a_scenario_draws_itself_are_not_drawn_twice():
     assert names == ["dispersed"]
 
 
+def test_failures_are_drawn_where_the_scenario_is_a_case_of_its_own():
+    case = load("hybrid-wheels", ["dispersion.case=3", "dispersion.point=[0.5]"], purpose="text")
+    _, fails, _ = conditions_of(case, True)[0]
+    assert (fails.scenario.dispersion.case, fails.scenario.dispersion.point) == (None, None)
+
+
 def test_pairs_are_of_every_two_kinds_of_actuators():
     conditions = conditions_of(load("hybrid-wheels"), False, pairs=True)[0][1:]
     assert {one.name: one.text for one in conditions} == {
