@@ -68,7 +68,7 @@ class RodSet:
         """
         dipoles = (self.axes * self.limits)[:, list(places)]
         dipoles = dipoles if to_body is None else to_body.T @ dipoles
-        return np.cross(dipoles.T, self._fields[..., None, :]).swapaxes(-1, -2)
+        return np.cross(dipoles.T, self.fields[..., None, :]).swapaxes(-1, -2)
 
     def rest(
         self,
@@ -107,30 +107,21 @@ class RodSet:
             return np.inf
         return float(np.abs(weights[:, None, None] @ torques).max())
 
-    def occupied(
-        self,
-        places: Sequence[int],
-        dipole: Float[np.ndarray, "3"],
-        undriven: Float[np.ndarray, "3 p"],
-    ) -> float:
-        """Return the part of the torque of some rods that a constant `dipole` (A m²) takes.
-
-        It is that of stuck rods, with the body at rest in the orbit frame. Both torques are root
-        mean squares over an orbit about the unit columns `undriven`, about which nothing else
-        makes torque; the largest of all columns and Earth angles counts.
-        """
-        opposed = np.abs(np.cross(dipole, self._fields) @ undriven)
-        made = np.abs(undriven.T @ self.torques(places)).sum(axis=-1)
-        taken, limit = (np.sqrt(np.mean(one**2, axis=1)) for one in (opposed, made))
-        full = np.full_like(taken, np.inf)
-        parts = np.divide(taken, limit, out=full, where=limit > 0)
-        return float(np.max(np.where(taken > 0, parts, 0.0)))
-
     @once_property
-    def _fields(self) -> Float[np.ndarray, "turns instants 3"]:
+    def fields(self) -> Float[np.ndarray, "turns instants 3"]:
+        """The field (T, orbit frame) at instants of an orbit, for angles of the Earth."""
         instants = (np.arange(STEPS) + 0.5) * 2 * np.pi / STEPS / float(self.field.circle.rate)
         turns = np.arange(TURNS) * 2 * np.pi / TURNS
         return self.field.sampled(instants, turns[:, None])
+
+
+def rest_with_rods(judged: Judgement, rods: RodSet, places: Sequence[int]) -> OrbitRest | None:
+    """Return the rest near the orbit frame of a body with the rods of these places, and with its
+    wheels at their bias, see `RodSet.rest`."""
+    basis = _basis(judged.actuators.wheel_axes)
+    held = bool(np.linalg.norm(NORMAL - basis @ (basis.T @ NORMAL)) <= SAME_AXIS)
+    momentum = judged.actuators.coasting + held * rods.bias * NORMAL
+    return rods.rest(places, judged.inertia, momentum, basis)
 
 
 def judge_with_rods(
@@ -144,12 +135,10 @@ def judge_with_rods(
     if not places or without.laws in ("three torques", "two torques"):
         return without
     inertia, basis = without.inertia, _basis(without.actuators.wheel_axes)
-    held = bool(np.linalg.norm(NORMAL - basis @ (basis.T @ NORMAL)) <= SAME_AXIS)
-    momentum = without.actuators.coasting + held * rods.bias * NORMAL
     rate = float(rods.field.circle.rate)
     independent = int(np.linalg.matrix_rank(rods.axes[:, list(places)], tol=SAME_AXIS))
     dimension, rank, margin, turn, opposing = 6 + basis.shape[1], 0, (0.0, 0.0), np.nan, 0.0
-    rest = rods.rest(places, inertia, momentum, basis)
+    rest = rest_with_rods(without, rods, places)
     if rest is not None:
         back, turn, opposing = rest.to_body.T, rest.turn, rest.opposing
         values = orbit_singular_values(
@@ -190,14 +179,6 @@ def _verdict(
     if margin[0] < LEAST_MARGIN:
         return "borderline", "magnetic" if flown else "none"
     return ("controllable", "magnetic") if flown else ("by drift", "none")
-
-
-def undriven_axes(axes: Float[np.ndarray, "3 k"]) -> Float[np.ndarray, "3 p"]:
-    """Return an orthonormal basis of the directions across the axes of wheels; body axes without
-    wheels."""
-    basis = _basis(axes)
-    rank = basis.shape[1]
-    return np.linalg.svd(basis)[0][:, rank:] if rank else np.eye(3)
 
 
 def _basis(axes: Float[np.ndarray, "3 k"]) -> Float[np.ndarray, "3 p"]:

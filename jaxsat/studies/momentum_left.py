@@ -127,6 +127,11 @@ class Held:
             path[number] = _turned(before, -frame * step) + step / 2 * torque[number]
         return times, path
 
+    @property
+    def angle(self) -> float:
+        """Least tolerance of the attitude, rad."""
+        return min(2 * float(np.arctan(float(self.tolerances.w))), float(self.tolerances.z))
+
     def _limits(self, normal: Float[np.ndarray, "3"]) -> "_Limits":
         own = self.tolerances
         tilt, turn = 2 * np.arctan(float(own.w)), float(own.z)

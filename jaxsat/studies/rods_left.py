@@ -6,8 +6,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.controllability.judgement import Judgement
 from jaxsat.controllability.orbit_rest import NORMAL
-from jaxsat.controllability.rods import MOST_OPPOSING, RodSet, undriven_axes
+from jaxsat.controllability.rods import MOST_OPPOSING, RodSet, rest_with_rods
 from jaxsat.simulation.loops import AbstractLoop, parts_of
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.effector import Dipoles
@@ -17,6 +18,9 @@ from jaxsat.spacecraft.magnetorquers import MagneticSteering
 TURNED = 0.1
 """Largest momentum of runaways across the orbit normal, relative to the least capacity of a wheel.
 The orbit turns it, and two wheels cannot unload it for a third of an orbit."""
+
+SMALL = 0.1
+"""Turn (rad) up to which the motion of the body counts as linear."""
 
 
 class RodsLeft(NamedTuple):
@@ -34,12 +38,36 @@ class RodsLeft(NamedTuple):
         """Return the magnetorquers in one case."""
         return RodsLeft(self.rods, self.healthy[number], self.stuck[number])
 
-    def opposes(self, axes: Float[np.ndarray, "3 k"]) -> bool:
-        """Whether healthy ones oppose the torque of stuck ones, beside wheels along these axes."""
-        if self.rods is None or not self.stuck.any():
+    def opposes(
+        self, judged: Judgement, capacity: Float[np.ndarray, " m"], tolerance: float
+    ) -> bool:
+        """Whether healthy ones oppose the torque of stuck ones over an orbit.
+
+        With the wheels `judged`, each of a `capacity` (N m s), they use at most `MOST_OPPOSING` of
+        their limits, and of the `tolerance` (rad) of the attitude.
+        """
+        rods = self.rods
+        if rods is None or not self.stuck.any():
             return True
-        dipole, healthy = self.rods.axes @ self.stuck, np.flatnonzero(self.healthy).tolist()
-        return self.rods.occupied(healthy, dipole, undriven_axes(axes)) <= MOST_OPPOSING
+        healthy, wheels = np.flatnonzero(self.healthy).tolist(), judged.actuators
+        rest = rest_with_rods(judged, rods, healthy)
+        if rest is None:
+            return False
+        from jaxsat.controllability.stuck_dipole import OrbitWheels, largest_opposed  # slow
+
+        dipole, angle = rods.axes @ self.stuck, MOST_OPPOSING * min(tolerance, SMALL)
+        size = np.abs(dipole).max()
+        most = largest_opposed(
+            rods,
+            healthy,
+            dipole / size,
+            judged.inertia,
+            OrbitWheels(wheels.wheel_axes, capacity, wheels.coasting),
+            rest,
+            angle,
+            MOST_OPPOSING,
+        )
+        return bool(most >= size)
 
 
 def rod_set(loop: AbstractLoop, dipoles: Dipoles) -> RodSet:

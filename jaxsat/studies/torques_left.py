@@ -160,6 +160,7 @@ def torques_left(
         if (dipoles := one.dipoles()) is not None:
             stuck = np.where(reach.low == reach.high, reach.high, 0.0)
             rods = RodsLeft(rod_set(loop, dipoles), reach.healthy, stuck)
+    tolerance = np.inf if hold is None else hold.angle
     codes_by_key: dict[bytes, tuple[int, np.ndarray | None]] = {}
     codes = np.zeros(len(low), int)
     for case in range(len(low)):
@@ -174,7 +175,7 @@ def torques_left(
         key = b"".join(part.tobytes() for part in (*one, *parts, *magnetic[1:]))
         if key not in codes_by_key:
             held = all(_holds_momentum(loop, each) for each in here)
-            verdict = _judge(loop, momentum, *one, here, magnetic)
+            verdict = _judge(loop, momentum, *one, here, magnetic, tolerance)
             codes_by_key[key] = verdict if held else (int(TorquesLeft.UNHELD_MOMENTUM), None)
         code, normal = codes_by_key[key]
         if normal is not None and hold is not None:
@@ -295,8 +296,12 @@ def _judge(
     high: np.ndarray,
     here: list[_Exchanger],
     magnetic: RodsLeft,
+    tolerance: float,
 ) -> tuple[int, np.ndarray | None]:
-    """Code, and the normal of two wheels if they alone remain, and no thruster was beside them."""
+    """Code, and the normal of two wheels if they alone remain, and no thruster was beside them.
+
+    `tolerance` (rad) is that of the attitude.
+    """
     inertia = np.asarray(loop.plant.spacecraft.inertia)
     axes = np.concatenate(
         [np.zeros((3, 0)), *(one.columns[:, one.healthy] for one in here)], axis=1
@@ -318,9 +323,11 @@ def _judge(
         judgement = judge_with_rods(judgement, rods, np.flatnonzero(left).tolist(), TOLERANCE)
     if judgement.without_rods is not None and not law_uses_rods(loop, axes, left):
         judgement = judgement.without_rods
-    if judgement.laws == "magnetic" and judgement.verdict == "controllable":
-        if not magnetic.opposes(axes):
+    if judgement.laws == "magnetic":
+        limits = [one.storage.capacity[one.healthy] for one in here]
+        if not magnetic.opposes(judgement, np.concatenate([np.zeros(0), *limits]), tolerance):
             return TorquesLeft.UNOPPOSED_TORQUE, None
+    if judgement.laws == "magnetic" and judgement.verdict == "controllable":
         held = _turns_runaways(loop, here)
         return _LEFT[judgement.laws] if held else TorquesLeft.UNHELD_MOMENTUM, None
     if judgement.verdict == "borderline":

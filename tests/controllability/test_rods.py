@@ -16,7 +16,6 @@ from jaxsat.controllability.rods import (
     RodSet,
     judge_with_rods,
     orbit_singular_values,
-    undriven_axes,
 )
 from jaxsat.controllability.wording import verdict_sentence
 from jaxsat.spacecraft.environment.orbit import CircularOrbit, DipoleField
@@ -213,26 +212,3 @@ def test_rods_are_not_judged_where_no_attitude_near_the_orbit_frame_is_a_rest():
         one for one in failure_table(INERTIA, spinning, rods=rods_of()) if one.failed == ("w1",)
     )
     assert (lost.judgement.verdict, lost.once_stopped) == ("not decided", "controllable")
-
-
-def test_a_stuck_dipole_takes_its_part_of_the_torque_of_the_others():
-    """Of a field written elsewhere, along an orbit for eight turns of the Earth."""
-    rods, wheels = rods_of(), np.array([[1.0, 0.0], [0.3, 1.0], [0.0, -0.4]])
-    normal = np.cross(*wheels.T) / np.linalg.norm(np.cross(*wheels.T))
-    dipole, parts = np.array([0.02, 0.3, -0.01]), []
-    for turn in np.arange(8) * np.pi / 4:
-        angles = (*ANGLES[:3], ANGLES[3] + turn)
-        times = (np.arange(128) + 0.5) * 2 * np.pi / 128 / RATE
-        fields = np.array([magnetic.field(t, (RATE, *angles)) for t in times])
-        taken = np.cross(dipole, fields) @ normal
-        each = [abs(np.cross(limit * axis, fields) @ normal)
-                for limit, axis in ((0.4, np.eye(3)[0]), (0.5, np.eye(3)[2]))]  # fmt: skip
-        parts.append(np.sqrt(np.sum(taken**2) / np.sum(sum(each) ** 2)))
-    across = undriven_axes(wheels)
-    np.testing.assert_allclose(np.abs(normal @ across), 1, atol=1e-12)
-    found = rods.occupied([0, 2], dipole, across)
-    assert found == pytest.approx(max(parts), rel=0.02)  # the Earth turns on meanwhile
-    assert rods.occupied([0, 2], 3 * dipole, across) == pytest.approx(3 * found)
-    assert rods.occupied([0, 2], 0 * dipole, across) == 0
-    assert rods.occupied([], dipole, across) == np.inf
-    assert undriven_axes(np.zeros((3, 0))).shape == (3, 3)

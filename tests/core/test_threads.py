@@ -21,7 +21,7 @@ from jaxsat.compiler.llvm.threads import _shared
 from jaxsat.control import periodic_gain
 from jaxsat.control.linear_motion import PHASES, TURNS, linear_motion
 from jaxsat.control.planning import guesses
-from jaxsat.controllability import lie
+from jaxsat.controllability import lie, stuck_dipole
 from jaxsat.controllability.cone import torque_cone
 from jaxsat.controllability.rank import analyse
 from jaxsat.core import process
@@ -64,6 +64,14 @@ def closed_loop_of_rods():
     return pickle.dumps((motion_with_rods(), np.ones((TURNS, PHASES, 3, 9))))
 
 
+def design_of_a_dipole():
+    """Of a body without inertia for a step, which one rod holds."""
+    steps = stuck_dipole._Steps(np.zeros((6, 6)), np.eye(6, 3), np.zeros((6, 0)))
+    made, opposed = np.ones((1, 2, 3, 1)), np.ones((1, 2, 3))
+    bounds = stuck_dipole._Bounds(1.0, 0.5, np.zeros(0), np.zeros(0))
+    return pickle.dumps((steps, made, opposed, bounds))
+
+
 FUNCTIONS = [
     (control.table_of, lambda: (new_law(),)),
     (named.table_of_part, lambda: (named.ActuatorsTable, new_part())),
@@ -74,6 +82,7 @@ FUNCTIONS = [
     (guesses.random_numbers, lambda: (4,)),
     (periodic_gain._gains, lambda: (pickle.dumps((motion_with_rods(), 0.3, 1.0)),)),
     (periodic_gain._multipliers, lambda: (closed_loop_of_rods(),)),
+    (stuck_dipole._least, lambda: (design_of_a_dipole(),)),
     (runge_kutta._named_tableau, lambda: ("heun",)),
     (descent._transformation, lambda: (OptimiserSettings(), 10)),
     (lie._monomials, lambda: (2,)),

@@ -88,17 +88,32 @@ def test_the_orbit_turns_the_momentum_of_a_runaway():
 @pytest.mark.slow
 def test_a_stuck_rod_is_opposed_by_the_others_or_not():
     """About z, which wheels leave, a dipole along z makes no torque, and one along y, the orbit
-    normal, more than the others, unless it is small. Three wheels oppose any."""
+    normal, more than the others, unless it is small; but a large one along z fills the wheels."""
     law = {"law": "fault-tolerant", "natural_frequency_rad_s": 0.05, "period_s": 0.5}
     lost_z = (2,)
     alone = left("cubesat-3w3m", (*lost_z, 4), law=law, rod="stuck on")
     assert alone == [TorquesLeft.UNOPPOSED_TORQUE]
     little = left("cubesat-3w3m", (*lost_z, 4), law=law, rod="stuck at", amount=0.02)
     assert little == [TorquesLeft.MAGNETIC]
-    along = left("cubesat-3w3m", (*lost_z, 5), law=law, rod="stuck on")
-    assert along == [TorquesLeft.MAGNETIC]  # a dipole along z makes no torque about it
+    for amount, found in ((0.5, TorquesLeft.MAGNETIC), (1.0, TorquesLeft.UNOPPOSED_TORQUE)):
+        along = left("cubesat-3w3m", (*lost_z, 5), law=law, rod="stuck at", amount=amount)
+        assert along == [found]
     whole = left("cubesat-3w3m", (4,), law=law, rod="stuck on")
     assert whole == [TorquesLeft.THREE_AXES]
+
+
+@pytest.mark.slow
+def test_two_rods_do_not_oppose_one_along_the_orbit_normal_near_the_poles():
+    """For hours the field has no part along it. Of the others, they oppose smaller dipoles."""
+    law = {"law": "fault-tolerant", "natural_frequency_rad_s": 0.02, "period_s": 2.0}
+    for rod, amount, found in (
+        (2, 0.05, TorquesLeft.UNOPPOSED_TORQUE),
+        (1, 0.05, TorquesLeft.MAGNETIC),
+        (1, -1.0, TorquesLeft.UNOPPOSED_TORQUE),
+        (3, 0.2, TorquesLeft.MAGNETIC),
+    ):
+        stuck = left("wheel-and-rods", (rod,), law=law, rod="stuck at", amount=amount)
+        assert stuck == [found]
 
 
 RODS = ", ".join(f"{{axis={axis}, dipole_limit_A_m2=10}}" for axis in np.eye(3).tolist())
