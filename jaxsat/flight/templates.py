@@ -35,6 +35,7 @@ DEVIATIONS = {
     "misra-c2012-8.9": "tables stand before the functions that read them",
     "misra-c2012-9.3": "a copy of a whole struct, which the checker takes for a list of elements",
     "misra-c2012-10.4": "selections of one type, which the checker takes for mixed",
+    "misra-c2012-10.6": "selections of constants, for which the checker takes the narrowest type",
     "misra-c2012-12.1": "the precedence of * over + is relied on, as in any formula",
     "misra-c2012-12.3": "declarations of several variables, whose commas the checker takes for the "
     "operator",
