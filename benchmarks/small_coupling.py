@@ -11,7 +11,7 @@ file lacks.
 Two reasons lie in the drawn body: its c is below `LEAST_COUPLING`, or no attitude within the
 tolerances has a drift about n that an oscillation within the tolerance of the rate stops, so that
 no law can hold it for ever. `reached` is the fraction of the other cases. `drifts` counts those
-that sines do not stop, `beyond_any_rate` those of them that no periodic rates stop.
+that the waves of the laws do not stop, `beyond_any_rate` those of them that no periodic rates stop.
 """
 
 import argparse
@@ -71,8 +71,8 @@ def candidates(member: FamilyMember) -> list[Candidate]:
 
 
 class Limits(NamedTuple):
-    """Which drawn bodies have too small a c, and which others a drift that no oscillation of sines,
-    or no periodic rates at all, stop."""
+    """Which drawn bodies have too small a c, and which others a drift that no oscillation of the
+    laws, or no periodic rates at all, stop."""
 
     small: np.ndarray
     drifts: np.ndarray
@@ -85,11 +85,11 @@ def beyond_any_law(scenario: Scenario, study: Study) -> Limits:
     moments = [normal_axes(*body)[1] for body in bodies]
     small = np.array([(first - second) / n < LEAST_COUPLING for first, second, n in moments])
     found = drawn_drifts(scenario, bodies)
-    sines, any_rates = (
+    waves, any_rates = (
         np.array([abs(one.drift) > getattr(one, limit) for one in found]) & ~small
         for limit in ("balanced", "most_balanced")
     )
-    return Limits(small, sines, any_rates)
+    return Limits(small, waves, any_rates)
 
 
 def row(member: FamilyMember, cases: int, seed: int, engine: NativeEngine) -> dict:

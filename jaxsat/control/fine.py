@@ -14,6 +14,7 @@ from jaxsat.control.leaks import USED, Aid
 from jaxsat.control.normal_form import NormalForm, NormalState, clipped, tilt_of
 from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow
 from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.control.waves import SINE, FlatTop, twice_mean_square
 from jaxsat.core.array_types import BoolScalar, IntScalar, Pair, RealScalar, Vector
 from jaxsat.core.checks import positive
 from jaxsat.core.trees import choose
@@ -48,32 +49,51 @@ class FineStage(eqx.Module):
 
     The end game is the same oscillation with amplitudes up to `holding_amplitude` (rad/s).
     `fade_lean` reduces the correction of the turn for leaning axes as the tilt grows, by the factor
-    max(0, 1 - |w|²).
+    max(0, 1 - |w|²). With a `flat_top` the waves of the end game are flat-topped.
     """
 
     oscillator: Oscillator
     holding_amplitude: RealScalar = eqx.field(converter=positive("holding_amplitude"))
     handover: Handover
     fade_lean: bool = eqx.field(static=True, default=False)
+    flat_top: FlatTop | None = None
+
+    @property
+    def roundness(self) -> RealScalar | None:
+        """q of the waves of the end game, `None` for sines."""
+        if self.flat_top is None:
+            return None
+        return self.flat_top.roundness(self.holding_amplitude, self.oscillator.frequency)
+
+    def largest_change(self, coupling: RealScalar) -> RealScalar:
+        """The largest mean |ds/dt| (rad/s²) of the end game at a `coupling` c."""
+        return coupling * self.holding_amplitude**2 / 2 * twice_mean_square(self.roundness)
+
+    @property
+    def early(self) -> Oscillator:
+        """The large oscillation, of sines, in the form of the end game."""
+        if self.flat_top is None:
+            return self.oscillator
+        return dataclasses.replace(self.oscillator, roundness=jnp.asarray(SINE))
 
     @property
     def end_game(self) -> Oscillator:
         """The oscillator of holds, with a critically damped demand that is largest at
         `HOLDING_TURN`."""
-        form, amplitude = self.oscillator.form, self.holding_amplitude
-        most = form.coupling * amplitude**2 / 2  # of |ds/dt|, rad/s²
+        most = self.largest_change(self.oscillator.form.coupling)
         return dataclasses.replace(
             self.oscillator,
             demand=MorinSamson(jnp.sqrt(most / HOLDING_TURN), 1.0),
-            largest_amplitude=amplitude,
+            largest_amplitude=self.holding_amplitude,
             ratio=1.0,
             dead_zone=0.0,
+            roundness=self.roundness,
         )
 
     def init(self, omega: Vector) -> FineMemory:
         """The initial memory: the stage oscillates, with zero amplitude."""
         hold = HoldRecord.none(omega) if self.handover.coasts else None
-        return FineMemory(self.oscillator.init(omega), jnp.array(False), hold)
+        return FineMemory(self.early.init(omega), jnp.array(False), hold)
 
     def step(
         self,
@@ -96,7 +116,7 @@ class FineStage(eqx.Module):
                 x - jnp.clip(x, -aid.push[1], aid.push[0]) for x in (lasting, lasting + aid.drift)
             )
             third = third._replace(drift=drift)
-        most = third.coupling * self.holding_amplitude**2 / 2
+        most = self.largest_change(third.coupling)
         sure = SURE_SHARE * most
         along = jnp.abs(third.drift)
         if memory.hold is not None:
@@ -112,7 +132,7 @@ class FineStage(eqx.Module):
         late = self.handover(
             memory.late, tilt, slow, excess, deceleration, third.turn[2], coast, clock
         )
-        early, quiet = self.oscillator, self.end_game
+        early, quiet = self.early, self.end_game
         if largest is not None:
             early = dataclasses.replace(early, largest_amplitude=largest)
         aim, slow_early, third_early, slow_late, third_late = None, slow, third, slow, third

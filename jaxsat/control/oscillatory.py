@@ -7,7 +7,8 @@ Automation 13(4), 1997; the derivation with the orbit's terms is in docs/laws.md
 With ω - e ≈ (ρ S, (α S + β C) / ρ), e the orbit frame's rate in body axes, S = sin νt and
 C = cos νt, the slow rate s and slow turn ẑ (ω3 and z without their ripple) obey on average
     ds/dt = c α / 2,    dẑ/dt = s - β / 2ν.
-A demand chooses (α, β) from (s, ẑ); the law tracks the rates that make them.
+A demand chooses (α, β) from (s, ẑ); the law tracks the rates that make them. A wave of mean square
+m in place of S (`jaxsat.control.waves`) takes α / 2m in place of α for the same mean product.
 """
 
 from typing import NamedTuple
@@ -19,6 +20,7 @@ import jax.numpy as jnp
 from jaxsat.control.demands import AbstractDemand
 from jaxsat.control.estimators import ThirdAxis
 from jaxsat.control.normal_form import NormalForm, NormalState, Tilt, leaned, tracking_torque
+from jaxsat.control.waves import twice_mean_square, wave_at
 from jaxsat.core.array_types import Pair, RealScalar, Vector
 from jaxsat.core.checks import not_negative, positive
 from jaxsat.core.quotients import reciprocal
@@ -32,19 +34,21 @@ class Oscillation(NamedTuple):
     """The last demanded oscillation: α, β in (rad/s)², amplitude ρ in rad/s.
 
     `axes` is (cos, sin) of the angle about n to the oscillation's axes, see `ThirdAxis`.
+    `roundness` is q of its wave, `None` for sines.
     """
 
     alpha: RealScalar
     beta: RealScalar
     amplitude: RealScalar
     axes: Pair
+    roundness: RealScalar | None = None
 
 
 class OscillationRequest(NamedTuple):
-    """Demand for an oscillation, and its limits; squares of rates but for the last two.
+    """Demand for an oscillation, and its limits; squares of rates but for the last three.
 
     `alpha` and `beta` are demanded, `dead` is the (α, β) demanded by a slow rate of the dead zone,
-    `most` the largest h; ρ = √(h `share`) + `least`.
+    `most` the largest h; ρ = √(h `share`) + `least`. `roundness` is q of the wave.
     """
 
     alpha: RealScalar
@@ -53,6 +57,7 @@ class OscillationRequest(NamedTuple):
     most: RealScalar
     share: RealScalar
     least: RealScalar
+    roundness: RealScalar | None = None
 
     def granted(self, axes: Pair) -> Oscillation:
         """The demand beyond the dead zone, scaled down so that h is at most `most`."""
@@ -63,7 +68,7 @@ class OscillationRequest(NamedTuple):
         amplitude = jnp.sqrt(granted * self.share) + self.least
         none = granted <= self.least**2
         alpha, beta = (without_slope(scale * x, none) for x in (self.alpha, self.beta))
-        return Oscillation(alpha, beta, amplitude, axes)
+        return Oscillation(alpha, beta, amplitude, axes, self.roundness)
 
 
 class Slow(NamedTuple):
@@ -87,7 +92,8 @@ class Oscillator(eqx.Module):
     (1/s) the rates to theirs. `largest_amplitude` is ρm (rad/s), and `ratio` r divides the product:
     ρ = √(h / r) about the first axis and h / ρ about the second, h = |(α, β)|. The part of h due to
     a slow rate of `dead_zone` (rad/s) is not demanded: the end game covers it, and an uncertain
-    estimate is not chased.
+    estimate is not chased. With a `roundness` q the waves are flat-topped, and both h of the same
+    amplitudes and the largest h are 2 / (1 + q) times as large.
     """
 
     form: NormalForm
@@ -98,11 +104,14 @@ class Oscillator(eqx.Module):
     largest_amplitude: RealScalar = eqx.field(converter=positive("largest_amplitude"))
     ratio: RealScalar = eqx.field(converter=positive("ratio"))
     dead_zone: RealScalar = eqx.field(converter=not_negative("dead_zone"), default=0.0)
+    roundness: RealScalar | None = None
 
     def init(self, omega: Vector) -> Oscillation:
         """The initial oscillation, of no amplitude."""
         zero = jnp.zeros_like(omega[0])
-        return Oscillation(zero, zero, zero + self._no_amplitude, jnp.stack([zero + 1, zero]))
+        roundness = None if self.roundness is None else zero + self.roundness
+        axes = jnp.stack([zero + 1, zero])
+        return Oscillation(zero, zero, zero + self._no_amplitude, axes, roundness)
 
     @property
     def _no_amplitude(self) -> RealScalar:
@@ -116,7 +125,7 @@ class Oscillator(eqx.Module):
         third axis.
         """
         nu, c = self.frequency, third.coupling
-        alpha, beta, rho, axes = last
+        alpha, beta, rho, axes, roundness = last
         sine, cosine = jnp.sin(nu * clock), jnp.cos(nu * clock)
         cos2, sin2 = 1 - 2 * sine**2, 2 * sine * cosine
         turn_cos, turn_sin = jnp.cos(tilt.turn), jnp.sin(tilt.turn)
@@ -129,7 +138,11 @@ class Oscillator(eqx.Module):
         rate = third.rate - third.rate_ripple
         rate = rate - by_tilt[0] * tilt.phi - by_tilt[1] * tilt.theta
         inverse = reciprocal(nu)
-        rate = rate + c / 4 * inverse * (alpha * sin2 + beta * cos2)
+        if roundness is None:
+            rate = rate + c / 4 * inverse * (alpha * sin2 + beta * cos2)
+        else:
+            ripple = wave_at(sine, cosine, roundness).ripple * (1 + roundness)
+            rate = rate + c / 4 * inverse * (beta * cos2 - 2 * alpha * ripple)
 
         turn = tilt.turn - third.lean[0] * tilt.phi - third.lean[1] * tilt.theta
         turn = turn - third.turn_ripple
@@ -147,9 +160,10 @@ class Oscillator(eqx.Module):
         alpha = alpha - 2 * reciprocal(third.coupling) * third.drift
         still = jnp.zeros_like(slow.turn)
         dead = self.demand(self.dead_zone, still, third.coupling, self.frequency)
-        most = self.ratio * self.largest_amplitude**2
+        share = self.ratio * twice_mean_square(self.roundness)
+        most, share = share * self.largest_amplitude**2, reciprocal(share)
         return OscillationRequest(
-            alpha, beta, dead, most, reciprocal(self.ratio), self._no_amplitude
+            alpha, beta, dead, most, share, self._no_amplitude, self.roundness
         )
 
     def oscillation(self, slow: Slow, third: ThirdAxis) -> Oscillation:
@@ -160,14 +174,21 @@ class Oscillator(eqx.Module):
         self, clock: RealScalar, state: NormalState, tilt: Tilt, oscillation: Oscillation
     ) -> Tracking:
         """ω_d = e - k (tilt - its oscillation) + the oscillating rates, and dω_d/dt."""
-        nu, k, (alpha, beta, rho, axes) = self.frequency, self.tilt_gain, oscillation
+        nu, k = self.frequency, self.tilt_gain
+        alpha, beta, rho, axes, roundness = oscillation
         sine, cosine = jnp.sin(nu * clock), jnp.cos(nu * clock)
         frame = state.frame_rate[:2]
         inverse = reciprocal(rho)
-        swing = turned(axes, rho * sine, (alpha * sine + beta * cosine) * inverse)
-        # d/dt of the swing over ν, and -ν times its integral
-        quadrature = turned(axes, rho * cosine, (alpha * cosine - beta * sine) * inverse)
-        swing_rate, swing_tilt = nu * quadrature, -quadrature * reciprocal(nu)
+        wave = wave_at(sine, cosine, roundness)
+        if roundness is not None:
+            alpha = alpha * (1 + roundness) / 2
+
+        def swung(of_wave, of_cosine):
+            return turned(axes, rho * of_wave, (alpha * of_wave + beta * of_cosine) * inverse)
+
+        swing = swung(wave.value, cosine)
+        swing_rate = nu * swung(wave.slope, -sine)
+        swing_tilt = -swung(wave.fall, -sine) * reciprocal(nu)
         pull = k * (jnp.stack([tilt.phi, tilt.theta]) - swing_tilt)
         derivative = swing_rate - k * (state.omega[:2] - frame - swing)
         return Tracking(frame - pull + swing, derivative)

@@ -28,6 +28,7 @@ from jaxsat.control.oscillatory import Oscillator
 from jaxsat.control.ripple import RippleFilter, Steady
 from jaxsat.control.slews import SlewPlanner
 from jaxsat.control.supervisor import ThreeSlewSettling
+from jaxsat.control.waves import FlatTop, twice_mean_square
 from jaxsat.core.checks import as_float, numpy_if_known
 from jaxsat.core.declaration.settling import TUNED_PERIOD
 from jaxsat.core.declaration.settling import holding_amplitude as own_amplitude
@@ -81,6 +82,9 @@ less a tenth and the oscillation's share of the tilt), and an axis component tre
 PULSE_SHARE, LEAST_QUIET = 0.2, 0.5
 """The amplitude of the end game is reduced by the first share of a pulse's rate, but to no less
 than the second share of itself: pulses and hold together stay within the tolerance of the rate."""
+
+SWITCH_SHARE = 0.5
+"""Share of the torque limit with which the flat-topped waves of the end game change sign."""
 
 BALANCED = 0.35
 """Drift at rest that does not change the attitude, relative to the end game's largest ds/dt."""
@@ -219,8 +223,8 @@ def coasting(law: ThreeSlewSettling, pulse: float, noise: float) -> ThreeSlewSet
 def balancing(law: ThreeSlewSettling, noise: float) -> ThreeSlewSettling:
     """Return the law with an estimate of the drift by errors of the products under gravity
     gradient, which moves the held attitude, and holds that begin against drift that no attitude
-    balances. The held attitude turns about n as far as the tolerances of settling allow. After an
-    attitude has been lost, slews are about the estimated axes.
+    balances, of flat-topped waves. The held attitude turns about n as far as the tolerances of
+    settling allow. After an attitude has been lost, slews are about the estimated axes.
 
     The estimate assumes at least the `noise` (rad/s) of the measured rates. A law without gravity
     gradient or ripple filter is unchanged.
@@ -239,14 +243,16 @@ def balancing(law: ThreeSlewSettling, noise: float) -> ThreeSlewSettling:
         leave_turn=room * float(handover.leave_turn),
         leave_held=handover.leave_turn,
     )
-    return dataclasses.replace(
-        law,
-        fine=dataclasses.replace(law.fine, handover=handover),
-        estimator=dataclasses.replace(
-            law.estimator, balances_steady=True, most_turn=as_float(room * MOST_TURN)
-        ),
-        turns_slews=True,
+    largest = float(law.torque_limit) / max(_moments(law.form)[:2])
+    flat_top = FlatTop(SWITCH_SHARE * largest, law.period)
+    fine = dataclasses.replace(law.fine, handover=handover, flat_top=flat_top)
+    estimator = dataclasses.replace(
+        law.estimator,
+        balances_steady=True,
+        balanced=_balanced(fine) * twice_mean_square(fine.roundness),
+        most_turn=as_float(room * MOST_TURN),
     )
+    return dataclasses.replace(law, fine=fine, estimator=estimator, turns_slews=True)
 
 
 def _room(form: NormalForm) -> float:

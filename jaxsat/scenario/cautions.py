@@ -5,7 +5,12 @@ import math
 import numpy as np
 
 from jaxsat.core.allocation import usable_share
-from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE, TUNED_PERIOD, holding_amplitude
+from jaxsat.core.declaration.settling import (
+    HOLDING_AMPLITUDE,
+    LARGEST_FALL,
+    TUNED_PERIOD,
+    holding_amplitude,
+)
 from jaxsat.core.declaration.tuned_gains import MORIN_SAMSON, TWO_CHANNEL, Scaling, tuned_frequency
 from jaxsat.core.inertia import torque_axis_frame
 from jaxsat.core.ranges import SETTLED_W
@@ -150,7 +155,8 @@ def _holding_cautions(scenario: Scenario) -> list[Issue]:
 def _end_game_cautions(scenario: Scenario) -> list[Issue]:
     """Caution about a holding oscillation that is larger than the tolerances of settling.
 
-    Two in-phase rates of amplitude ρ have the norm √2 ρ, and at frequency ν a tilt of √2 ρ/ν.
+    Two in-phase rates of amplitude ρ have the norm √2 ρ, and at frequency ν a tilt of √2 ρ/ν if
+    they are sines, up to π/2 times as large if they are flat-topped.
     """
     control, settled = scenario.control, scenario.settled
     torque, gains = torque_limit(scenario), GAINS.get(control.law)
@@ -165,8 +171,9 @@ def _end_game_cautions(scenario: Scenario) -> list[Issue]:
     amplitude = amplitude or holding_amplitude(scaling, scenario.orbit.rate())
     frequency = getattr(control, "frequency_rad_s", None) or tuned_frequency(gains, scaling)
     rate = math.sqrt(2) * amplitude
+    swing = rate / frequency * (LARGEST_FALL if _has_flat_tops(scenario) else 1.0)
     tilt = 2 * math.atan(SETTLED_W) if settled.tilt_rad is None else settled.tilt_rad
-    needs = [("rate_rad_s", rate, settled.rate_rad_s), ("tilt_rad", rate / frequency, tilt)]
+    needs = [("rate_rad_s", rate, settled.rate_rad_s), ("tilt_rad", swing, tilt)]
     return [
         Issue(
             ("settled", key),
@@ -178,6 +185,13 @@ def _end_game_cautions(scenario: Scenario) -> list[Issue]:
         for key, size, tolerance in needs
         if size >= tolerance
     ]
+
+
+def _has_flat_tops(scenario: Scenario) -> bool:
+    """Whether the law holds the attitude by flat-topped waves."""
+    acts = scenario.disturbance.gravity_gradient and scenario.orbit.rate() != 0
+    control = scenario.control
+    return acts and control.law == "three-slew" and getattr(control, "observe_ripple", False)
 
 
 def _one_torque_cautions(scenario: Scenario) -> list[Issue]:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from jaxsat.core.declaration.settling import LEAST_ROUNDNESS
 from jaxsat.core.inertia import normal_axes
 
 GRAVITY_GRADIENT = 3.0
@@ -139,18 +140,19 @@ class RestDrift(NamedTuple):
 
     `drift` is the value at the target attitude, `attitude` the reduction by attitudes within the
     tolerances to first order, and `oscillation` the reduction by two in-phase rates with the norm
-    of the rate tolerance ω: c ω²/4. The rates are sines, as in the laws; square waves give c ω²/2,
-    the largest value of all periodic rates.
+    of the rate tolerance ω, sines: c ω²/4. Square waves give c ω²/2, the largest value of all
+    periodic rates; the waves of the laws give `waves` times `oscillation`.
     """
 
     drift: float
     attitude: float
     oscillation: float
+    waves: float
 
     @property
     def balanced(self) -> float:
         """Largest drift against which the laws can hold an attitude within the tolerances."""
-        return self.attitude + self.oscillation
+        return self.attitude + self.waves * self.oscillation
 
     @property
     def most_balanced(self) -> float:
@@ -179,4 +181,5 @@ def rest_drift(
         -float(missing[0]),
         tilt * math.hypot(one, other) + turn * abs(float(about_third)),
         (first - second) / third * rate**2 / 4,
+        2 / (1 + LEAST_ROUNDNESS) if gravity_gradient else 1.0,
     )

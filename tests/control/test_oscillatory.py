@@ -49,16 +49,20 @@ def known(omega3, model=FORM):
     )
 
 
-def drifting_oscillation(alpha, beta, rho, orbit_rate, slow_rate, slow_turn):
+def drifting_oscillation(alpha, beta, rho, orbit_rate, slow_rate, slow_turn, q=1.0):
     """(36) and dω3/dt = c ω1 ω2 by SciPy, the rates relative to the orbit frame prescribed.
 
-    Starts on the oscillation, so that s and ẑ begin at `slow_rate` and `slow_turn`.
+    Starts on the oscillation, so that s and ẑ begin at `slow_rate` and `slow_turn`. The sines of a
+    flat-topped oscillation are those of a phase whose tangent is 1/q times as large.
     """
     periods, samples = 12, 50
+    part = (1 + q) / 2
+    longer = 1.0 if q == 1 else np.arccos(q) / np.sqrt(1 - q**2)
 
     def relative(t):
         s, c = np.sin(NU * t), np.cos(NU * t)
-        return rho * s, (alpha * s + beta * c) / rho
+        s = np.sin(np.arctan2(s, q * c))
+        return rho * s, (alpha * part * s + beta * c) / rho
 
     def rate(t, y):
         w1, w2, z, omega3 = y
@@ -79,7 +83,7 @@ def drifting_oscillation(alpha, beta, rho, orbit_rate, slow_rate, slow_turn):
             C * (r1 + frame[0]) * (r2 + frame[1]),
         ]
 
-    phi, theta = -rho / NU, -alpha / (NU * rho)
+    phi, theta = -rho / NU * longer, -alpha * part / (NU * rho) * longer
     root = np.sqrt(4 - phi**2 - theta**2)  # |w|² = |(φ, θ)|² / (4 - |(φ, θ)|²)
     turn = slow_turn + C * alpha / (8 * NU**2)
     turn = turn - (1 - C) * orbit_rate / NU**2 * np.sin(turn) * beta / rho
@@ -91,13 +95,17 @@ def drifting_oscillation(alpha, beta, rho, orbit_rate, slow_rate, slow_turn):
 
 
 @pytest.mark.parametrize(("orbit_rate", "begin"), [(0.0, 0.1), (ORBIT_RATE, 0.1), (ORBIT_RATE, -2)])
-@pytest.mark.parametrize(("alpha", "beta"), [(4e-5, 0.0), (-2e-5, 6e-5)])
-def test_averaged_equations(alpha, beta, orbit_rate, begin):
+@pytest.mark.parametrize(
+    ("alpha", "beta", "q"), [(4e-5, 0.0, None), (-2e-5, 6e-5, None), (4e-5, 0.0, 0.2)]
+)
+def test_averaged_equations(alpha, beta, q, orbit_rate, begin):
     """s and ẑ are free of ripple and drift at cα/2 + c ω0² sin z cos z and s - β/2ν."""
     rho, slow_rate = 0.006, 1e-4
-    times, states = drifting_oscillation(alpha, beta, rho, orbit_rate, slow_rate, begin)
+    shape = 1.0 if q is None else q
+    times, states = drifting_oscillation(alpha, beta, rho, orbit_rate, slow_rate, begin, shape)
     law = oscillator(orbit_rate=orbit_rate)
-    last = Oscillation(jnp.array(alpha), jnp.array(beta), jnp.array(rho), STRAIGHT)
+    roundness = None if q is None else jnp.array(q)
+    last = Oscillation(jnp.array(alpha), jnp.array(beta), jnp.array(rho), STRAIGHT, roundness)
 
     @jax.jit
     @jax.vmap

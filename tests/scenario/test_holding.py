@@ -120,9 +120,25 @@ def test_an_end_game_beyond_the_tolerances_is_told(law):
         assert f"settled.{key}: should be above" in text
 
 
+def test_a_flat_topped_end_game_tilts_the_body_further():
+    """By at most π/2, the area of half a square wave over that of a sine."""
+    changes = ["control.law=three-slew", "control.period_s=0.25", "spacecraft.torque_limit_N_m=3"]
+    changes = [*changes, "disturbance.gravity_gradient=true"]
+    game = build(told_of_end_game(changes)[1]).loop.controller.fine.end_game
+    sines = np.sqrt(2) * float(game.largest_amplitude / game.frequency)
+    q = float(game.roundness)
+    wave = sines * np.arccos(q) / np.sqrt(1 - q**2)
+    bound = sines * np.pi / 2
+    assert 0.9 * bound < wave < bound
+    assert told_of_end_game([*changes, f"settled.tilt_rad={1.001 * bound}"])[0] == []
+    (text,) = told_of_end_game([*changes, f"settled.tilt_rad={0.999 * bound}"])[0]
+    assert "settled.tilt_rad: should be above" in text
+
+
 def test_an_oscillation_of_sines_balances_half_of_what_any_periodic_rates_do():
     """The largest mean of c p1 p2 of periodic rates without a mean, |p| within the tolerance, by
-    SciPy from random rates: square waves have c ω²/2, two sines in phase the c ω²/4 told."""
+    SciPy from random rates: square waves have c ω²/2, two sines in phase the c ω²/4 told, and the
+    flattest waves of a law under gravity gradient lie between them."""
     inertia, plane = np.diag([3.0, 2.0, 4.0]), np.eye(3)[:, :2]
     rate, coupling, count = 1e-3, 0.25, 16
 
@@ -146,3 +162,9 @@ def test_an_oscillation_of_sines_balances_half_of_what_any_periodic_rates_do():
     phase = np.linspace(0, 2 * np.pi, 1000, endpoint=False)
     sines = rate / np.sqrt(2) * np.sin(phase)
     assert told.oscillation == pytest.approx(coupling * np.mean(sines**2))
+    flat = rate / np.sqrt(2) * np.sin(np.arctan2(np.sin(phase), np.cos(phase) / 8))
+    told = told._replace(attitude=0.0)
+    assert told.balanced == pytest.approx(coupling * np.mean(flat**2))
+    assert told.most_balanced == pytest.approx(most, rel=1e-5)
+    alone = rest_drift(inertia, plane, 1e-3, gravity_gradient=False, tolerances=(0.1, 0.05, rate))
+    assert alone.balanced == alone.attitude + alone.oscillation

@@ -14,7 +14,7 @@ from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.control.what_is_left import LEFT
 from jaxsat.controllability.judgement import Judgement
 from jaxsat.core.declaration.laws import Law
-from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE
+from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE, LARGEST_FALL
 from jaxsat.core.errors import ArgumentError
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.actuator_set import FAULT_TOLERANT, fitting_laws, judge_scenario
@@ -175,6 +175,7 @@ def with_larger_end_game(candidate: Candidate) -> Candidate | None:
     limits = build_tolerances(candidate.scenario)
     # Two rates of this amplitude in phase; |w| of the tilt is half the angle.
     rate, tilt = limits.relative_rate / math.sqrt(2), limits.w * math.sqrt(2) * end_game.frequency
+    tilt = tilt if end_game.roundness is None else tilt / LARGEST_FALL
     amplitude = float(f"{min(RATE_SHARE * float(rate), TILT_SHARE * float(tilt)):.3g}")
     if amplitude <= end_game.largest_amplitude:
         return None

@@ -289,7 +289,7 @@ def test_a_larger_end_game_is_as_large_as_the_tolerances_of_settling_allow():
     game = law.fine.end_game
     omega = jnp.zeros(3)
     third, _ = law.estimator.update(omega, law.estimator.init(omega), law.period)
-    alpha, beta, rho, _ = game.oscillation(Slow(jnp.array(0.0), jnp.array(1.0)), third)
+    alpha, beta, rho, *_ = game.oscillation(Slow(jnp.array(0.0), jnp.array(1.0)), third)
     phase = np.linspace(0, 2 * np.pi, 100)
     second = (alpha * np.sin(phase) + beta * np.cos(phase)) / rho
     rate = np.hypot(rho * np.sin(phase), second).max()
