@@ -90,7 +90,7 @@ class Mix(NamedTuple):
 
         Half that margin suffices where three axes were driven before.
         """
-        reach = self.reach
+        reach = self.reach._replace(price=None)
         each = jnp.maximum(jnp.abs(reach.low), jnp.abs(reach.high))
         largest = jnp.max(jnp.abs(reach.columns) * each[None], axis=1)
         most = jnp.max(largest)

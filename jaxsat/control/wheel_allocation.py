@@ -15,8 +15,7 @@ from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.control.reconfiguration import Left
 from jaxsat.core.array_types import IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.quotients import SMALLEST, length, root
-from jaxsat.spacecraft.allocation import allocate
-from jaxsat.spacecraft.effector import Reach
+from jaxsat.spacecraft.allocation import allocate_evenly
 from jaxsat.spacecraft.spacecraft import adjugate
 from jaxsat.spacecraft.wheel_friction import motor_torque
 from jaxsat.spacecraft.wheels import Wheels
@@ -118,9 +117,8 @@ class WheelAllocation(eqx.Module):
 
     def shared(self, wheeled: Wheeled, torque: Vector) -> OfEach:
         """Torque of each wheel on the body (N m) for a `torque` (N m), or its part in a plane."""
-        reach = Reach(self.wheels.axes, -wheeled.usable, wheeled.usable)
         within_plane = self.wheels.axes @ (wheeled.shares @ torque)
-        return allocate(reach, within_plane).use
+        return allocate_evenly(self.wheels.axes, wheeled.usable, within_plane).use
 
     def balanced(
         self, wheeled: Wheeled, nearest: OfEach, momentum: OfEach, unloading: RealScalar

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.core.array_types import IntScalar, RealScalar, Vector
@@ -68,12 +69,8 @@ def allocate(
     if momentum is not None:
         rest = jnp.where(momentum.price == 0, rest, momentum.shares @ (torque + before))
     idle = within(rest, reach.low, reach.high)
-    square = jnp.sum(reach.columns**2, axis=0)
-    size = jnp.sqrt(jnp.where(square > 0, square, 1.0))
-    units = reach.columns / size[None]
-    low, high = (
-        jnp.where(square > 0, size * (bound - idle), 0.0) for bound in (reach.low, reach.high)
-    )
+    units, size, turns = _units(reach.columns)
+    low, high = (jnp.where(turns, size * (bound - idle), 0.0) for bound in (reach.low, reach.high))
     first = before - reach.columns @ idle
     if reach.price is None:
         each, unmade = least_squares_within(units, low, high, torque, first)
@@ -86,6 +83,29 @@ def allocate(
         each, unmade = _priced(prices, units, (low, high), torque, first)
     use = within(idle + each / size, reach.low, reach.high)
     return Allocated(use, before + torque - unmade, unmade)
+
+
+def allocate_evenly(
+    columns: Float[Array | np.ndarray, "3 n"], limit: Float[Array, " n"], torque: Vector
+) -> Allocated:
+    """Allocate a `torque` (N m) to devices with uses of at most `limit` both ways, as `allocate`.
+
+    All devices obey and have no price.
+    """
+    units, size, turns = _units(columns)
+    most = jnp.where(turns, size * limit, 0.0)
+    each, unmade = least_squares_within(units, -most, most, torque)
+    return Allocated(within(each / size, -limit, limit), torque - unmade, unmade)
+
+
+def _units(
+    columns: Float[Array | np.ndarray, "3 n"],
+) -> tuple[Float[Array, "3 n"], Float[Array, " n"], Bool[Array, " n"]]:
+    """Return unit columns and their sizes, 1 for a column that is zero, and which are not zero."""
+    columns = jnp.asarray(columns)
+    square = jnp.sum(columns**2, axis=0)
+    size = jnp.sqrt(jnp.where(square > 0, square, 1.0))
+    return columns / size[None], size, square > 0
 
 
 def allocate_unloading(
@@ -149,7 +169,7 @@ def share_within(
     """
     beyond = jnp.any(jnp.abs(shares) > limit if beyond is None else beyond)
     torque = axes @ jnp.where(beyond, shares, 0.0)
-    use, _, unmade = allocate(Reach(axes, -limit, limit), torque)
+    use, _, unmade = allocate_evenly(axes, limit, torque)
     return jnp.where(beyond, use, shares), unmade
 
 
@@ -192,6 +212,6 @@ def _priced(
     paid = within(jnp.where(free, 0.0, forth - back), low, high)
     rest = torque + first - unmade - units @ paid
     shared, _ = least_squares_within(
-        units, jnp.where(free, low, 0.0), jnp.where(free, high, 0.0), rest, 0 * rest
+        units, jnp.where(free, low, 0.0), jnp.where(free, high, 0.0), rest
     )
     return paid + shared, unmade

@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.smooth import within
-from jaxsat.spacecraft.least_propellant import part_up_to
+from jaxsat.spacecraft.torque_legs import begun_legs, legs_before, parts_up_to
 
 OfEach = Float[Array, " m"]
 
@@ -46,11 +46,11 @@ class Held(NamedTuple):
 
     Devices with a `side` of 1 are at their upper bound, those with -1 at the lower one. A leg that
     was not made in full, see `Active`, has in its row of `facets` the normal of the facet that
-    ended it.
+    ended it; there is no row for a first torque if none comes first.
     """
 
     side: OfEach
-    facets: Float[Array, "2 3"]
+    facets: Float[Array, "legs 3"]
 
 
 class Active(NamedTuple):
@@ -72,14 +72,18 @@ class Active(NamedTuple):
 
 @jax.jit
 def least_squares_within(
-    units: Float[Array, "3 m"], low: OfEach, high: OfEach, torque: Vector, first: Vector
+    units: Float[Array, "3 m"],
+    low: OfEach,
+    high: OfEach,
+    torque: Vector,
+    first: Vector | None = None,
 ) -> tuple[OfEach, Vector]:
     """Compute torques u along `units`, `low` <= u <= `high`, that make `first` + `torque` (N m).
 
-    Bounds include zero. Where the sum is out of reach, `first` is made as far as possible; then
-    the greatest part of the rest in its direction. Among all such torques the result has the least
-    Σ (u / limit)², with the larger of a device's bounds as its limit. An unbounded device has the
-    largest limit of the others. Returns u and the torque that is not made.
+    Bounds include zero. Where the sum is out of reach, `first` (None is zero) is made as far as
+    possible; then the greatest part of the rest in its direction. Among all such torques the result
+    has the least Σ (u / limit)², with the larger of a device's bounds as its limit. An unbounded
+    device has the largest limit of the others. Returns u and the torque that is not made.
     """
     limit = jnp.maximum(high, -low)
     finite = jnp.where(jnp.isfinite(limit), limit, 0.0)
@@ -87,11 +91,11 @@ def least_squares_within(
     size = jax.lax.stop_gradient(jnp.where(largest > 0, largest, 1.0))
     strength = jax.lax.stop_gradient(jnp.where(jnp.isfinite(limit), finite / size, 1.0))
     devices = Bounded(units, low / size, high / size, strength**2)
-    torques, unmade = _solved(devices, torque / size, first / size)
+    torques, unmade = _solved(devices, torque / size, None if first is None else first / size)
     return within(size * torques, low, high), size * unmade
 
 
-def _solved(devices: Bounded, torque: Vector, first: Vector) -> tuple[OfEach, Vector]:
+def _solved(devices: Bounded, torque: Vector, first: Vector | None) -> tuple[OfEach, Vector]:
     """Return the solution at the last active set, at which all derivatives are taken.
 
     A device just at its bound counts as held if it is so for a torque slightly `BEYOND`, where the
@@ -110,16 +114,17 @@ def _solved(devices: Bounded, torque: Vector, first: Vector) -> tuple[OfEach, Ve
 
     none = (jnp.zeros_like(devices.weight), jnp.zeros_like(torque), jnp.array(False))
     (each, totals, _), _ = jax.lax.scan(one_more, none, both)
-    return each, torque + first - totals
+    return each, (torque if first is None else torque + first) - totals
 
 
-def _at(devices: Bounded, torque: Vector, first: Vector, held: Held) -> tuple[OfEach, Vector]:
+def _at(
+    devices: Bounded, torque: Vector, first: Vector | None, held: Held
+) -> tuple[OfEach, Vector]:
     """Return the torque of each device with this active set, and the torque of all together."""
     free = _free(devices, held)
     low, high = (jnp.where(jnp.isfinite(x), x, 0.0) for x in (devices.low, devices.high))
     bounds = (low, high)
-    total = part_up_to(held.facets[0], devices.units, bounds, 0 * first, first)
-    total = total + part_up_to(held.facets[1], devices.units, bounds, total, torque + first - total)
+    total = parts_up_to(held.facets, devices.units, bounds, torque, first)
     inverse = _inverse(devices, free, _basis(devices, free))
 
     def nearer(_, each: OfEach) -> OfEach:
@@ -131,23 +136,23 @@ def _at(devices: Bounded, torque: Vector, first: Vector, held: Held) -> tuple[Of
     return jax.lax.fori_loop(0, 3, nearer, at_bounds), total
 
 
-def _beginning(devices: Bounded, torque: Vector, first: Vector) -> Active:
+def _beginning(devices: Bounded, torque: Vector, first: Vector | None) -> Active:
     """Return the initial state: no torque made, all of it ahead."""
-    comes_first = jnp.any(first != 0)
-    none = jnp.zeros_like(torque)
-    held = Held(0 * devices.weight, jnp.stack([none, none]))
+    facets, ahead, leg = begun_legs(torque, first)
+    held = Held(jnp.zeros_like(devices.weight), facets)
+    comes_first = False if first is None else jnp.any(first != 0)
     return Active(
-        none,
+        jnp.zeros_like(torque),
         held,
         held,
-        jnp.where(comes_first, first, torque),
-        jnp.where(comes_first, 0, 1),
+        ahead,
+        leg,
         jnp.array(0),
         comes_first | jnp.any(torque != 0),
     )
 
 
-def _ended(devices: Bounded, torque: Vector, first: Vector) -> Active:
+def _ended(devices: Bounded, torque: Vector, first: Vector | None) -> Active:
     return jax.lax.while_loop(
         lambda at: at.goes & (at.rounds < ROUNDS_A_DEVICE * (devices.low.shape[0] + 1)),
         lambda at: _round(devices, torque, first, at),
@@ -179,9 +184,12 @@ def _basis(devices: Bounded, free: Bool[Array, " m"]) -> Matrix:
     return jax.lax.fori_loop(0, 3, with_one_more, (none, devices.units))[0]
 
 
-def _span(basis: Matrix) -> Matrix:
-    """Return the projector onto the span of a `basis`, exactly the identity for full rank."""
+def _span(basis: Matrix, devices: int) -> Matrix:
+    """Return the projector onto the span of the `basis` of so many devices, exactly the identity
+    for full rank."""
     span = basis.T @ basis
+    if devices < 3:
+        return span
     whole = jax.lax.stop_gradient(jnp.trace(span)) > 2.5
     return jnp.where(whole, jnp.eye(3, dtype=span.dtype), span)
 
@@ -212,7 +220,7 @@ def _reciprocal(pivot: RealScalar) -> RealScalar:
     return jnp.where(there, 1 / jnp.where(there, pivot, 1.0), 0.0)
 
 
-def _round(devices: Bounded, torque: Vector, first: Vector, at: Active) -> Active:
+def _round(devices: Bounded, torque: Vector, first: Vector | None, at: Active) -> Active:
     """Advance to where a device reaches a bound or leaves it, or the leg ends.
 
     Where the free devices cannot make the torque ahead, only the multiplier changes, across their
@@ -220,7 +228,7 @@ def _round(devices: Bounded, torque: Vector, first: Vector, at: Active) -> Activ
     """
     free = _free(devices, at.held)
     basis = _basis(devices, free)
-    span = _span(basis)
+    span = _span(basis, free.shape[0])
     across = at.ahead - span @ at.ahead
     square = jnp.sum(across**2)
     stands = square > NONE**2 * jnp.sum(at.ahead**2)
@@ -246,12 +254,12 @@ def _round(devices: Bounded, torque: Vector, first: Vector, at: Active) -> Activ
     ended = short | (~stands & (step >= 1 - NONE))
     step = jnp.where(stands, jnp.where(short, 0.0, step), jnp.minimum(step, 1.0))
     turned = (jnp.arange(free.shape[0]) == hit) & ~ended
-    this = ended & (jnp.arange(2) == jnp.minimum(at.leg, 1))
+    this = ended & (legs_before(at.held.facets) == jnp.minimum(at.leg, 1))
     held = Held(
         jnp.where(turned, jnp.where(free, side, 0.0), at.held.side),
         jnp.where(this[:, None], jnp.where(short, across, 0.0)[None], at.held.facets),
     )
-    whole = torque + first
+    whole = torque if first is None else torque + first
     more = jnp.all(held.facets == 0) & jnp.any(whole != 0)
     left = jnp.where(stands, at.ahead, (1 - step) * at.ahead)
     following = jnp.where(at.leg == 0, torque + left, BEYOND * whole)

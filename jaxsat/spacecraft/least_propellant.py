@@ -20,15 +20,10 @@ from jaxsat.core.allocation import least_propellant, unit_columns
 from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, Vector
 from jaxsat.core.checks import as_float, as_optional_float
 from jaxsat.core.smooth import positive_part, within
+from jaxsat.spacecraft.torque_legs import begun_legs, legs_before, parts_up_to, zero_below
 
 PIVOTS_A_THRUSTER = 4
 """Largest number of pivots for each thruster; the method needs one or two."""
-
-ZERO = 0.6
-"""Power of the machine precision that is the tolerance on unit columns and torques.
-
-Prices differ by at least this much: equal prices may make pivots cycle without progress.
-"""
 
 GOLDEN = (math.sqrt(5) - 1) / 2
 """Golden ratio: fractional parts of its multiples are evenly spread in (0, 1) and distinct."""
@@ -44,8 +39,8 @@ class Vertex(NamedTuple):
     the method begins. `columns` has a row for each member, its torque over its size; `price`,
     `upper` and `thrust` (N m) are also the members'. `side` is 1 for a thruster at zero, -1 for one
     at its upper bound, and 0 for a member or a thruster without any duty. `ahead` (N m) is the
-    torque still to be made by this `leg`, see `_next_leg`. `facets` has a row for each of the first
-    two legs: the normal of the facet of the torque set that ended it, zero if none did.
+    torque still to be made by this `leg`, see `_next_leg`. `facets` has a row for each leg before
+    the last: the normal of the facet of the torque set that ended it, zero if none did.
     """
 
     members: Int[Array, "3"]
@@ -55,7 +50,7 @@ class Vertex(NamedTuple):
     thrust: Vector
     side: Float[Array, " m"]
     ahead: Vector
-    facets: Float[Array, "2 3"]
+    facets: Float[Array, "legs 3"]
     leg: IntScalar
     pivots: IntScalar
     goes: BoolScalar
@@ -122,14 +117,12 @@ class LeastPropellant(eqx.Module):
         torque = jnp.sum(self.command_map * command[None], axis=1)
         if self.table is None or limit is not None or first is not None:
             most = jnp.ones_like(self.size) if limit is None else limit
-            rest = jnp.zeros_like(torque) if first is None else first
-            return self._bounded(most, torque, rest, jnp.array(True))
+            return self._bounded(most, torque, first, jnp.array(True))
         candidates = jnp.sum(self.table * command[None, None, :], axis=-1)
         best = jnp.argmax(reduce(_smaller, candidates.T))
         duty = positive_part(candidates[best])
         within_bounds = jnp.max(duty) <= 1
-        most, rest = jnp.ones_like(duty), jnp.zeros_like(torque)
-        bounded, missed = self._bounded(most, torque, rest, ~within_bounds)
+        bounded, missed = self._bounded(jnp.ones_like(duty), torque, None, ~within_bounds)
         return (jnp.where(within_bounds, duty, bounded), jnp.where(within_bounds, 0.0, missed))
 
     def _bounded(self, limit, torque, first, runs):
@@ -149,67 +142,38 @@ def least_price(
     upper: Float[Array, " m"],
     price: Float[Array, " m"],
     torque: Vector,
-    first: Vector,
+    first: Vector | None,
     runs: BoolScalar,
 ) -> tuple[Float[Array, " m"], Vector]:
     """Compute torques u (N m) along `units`, 0 <= u <= `upper`, that make `first` + `torque` (N m).
 
     They have the least Σ `price` u, with prices of at most 1. Where the sum is out of reach,
-    `first` is made as far as possible; then the greatest part of the rest in its direction. Returns
-    u and the torque not made. Derivatives are those at the last vertex. Compiled once for any
-    number of calls; the loop is skipped unless `runs`.
+    `first` (None is zero) is made as far as possible; then the greatest part of the rest in its
+    direction. Returns u and the torque not made. Derivatives are those at the last vertex. Compiled
+    once for any number of calls; the loop is skipped unless `runs`.
     """
     count = upper.shape[0]
     spread = GOLDEN * jnp.arange(count, dtype=upper.dtype) % 1
-    price = price * (1 + _zero(upper) * spread)
+    price = price * (1 + zero_below(upper) * spread)
     fixed = jax.lax.stop_gradient((Programme(units, upper, price), torque))
     last = jax.lax.while_loop(
         lambda at: at.goes & (at.pivots < PIVOTS_A_THRUSTER * (count + 2)),
         lambda at: _pivot(*fixed, at),
         jax.lax.stop_gradient(_beginning(upper, torque, first)._replace(goes=runs)),
     )
-    bounds = (None, upper)
-    total = part_up_to(last.facets[0], units, bounds, 0 * first, first)
-    total = total + part_up_to(last.facets[1], units, bounds, total, torque + first - total)
+    total = parts_up_to(last.facets, units, (None, upper), torque, first)
     full = jnp.where(last.side < 0, upper, 0.0)
     rest = total - jnp.sum(units * full[None], axis=1)
     thrust = jnp.sum(inverse_of_columns(last.columns) * rest[None], axis=1)
     used = jnp.arange(count)[:, None] == last.members[None]
     thrust = full + jnp.sum(jnp.where(used, thrust[None], 0.0), axis=1)
-    return thrust, torque + first - total
+    return thrust, (torque if first is None else first + torque) - total
 
 
-def _zero(x: Array) -> float:
-    return float(jnp.finfo(x.dtype).eps) ** ZERO
-
-
-def part_up_to(
-    facet: Vector,
-    units: Float[Array, "3 m"],
-    bounds: tuple[Float[Array, " m"] | None, Float[Array, " m"]],
-    made: Vector,
-    wanted: Vector,
-) -> Vector:
-    """Return the part of a `wanted` torque up to a `facet` of the torque set, from `made` on (N m).
-
-    The torques along `units` are between two `bounds` (N m), of which None is zero. A zero facet
-    does not bound.
-    """
-    low, high = bounds
-    along = jnp.sum(facet[:, None] * units, axis=0)
-    farthest = jnp.sum(jnp.where(along > _zero(high), along, 0.0) * high)
-    if low is not None:
-        farthest = farthest + jnp.sum(jnp.where(along < -_zero(high), along, 0.0) * low)
-    speed = jnp.sum(facet * wanted)
-    ends = speed > 0
-    part = (farthest - jnp.sum(facet * made)) / jnp.where(ends, speed, 1.0)
-    return jnp.where(ends & (part < 1), part, 1.0) * wanted
-
-
-def _beginning(upper: Float[Array, " m"], torque: Vector, first: Vector) -> Vertex:
+def _beginning(upper: Float[Array, " m"], torque: Vector, first: Vector | None) -> Vertex:
     """Return the initial vertex: no thrust, and all of the torque ahead."""
-    comes_first = jnp.any(first != 0)
     none = jnp.zeros_like(torque)
+    facets, ahead, leg = begun_legs(torque, first)
     return Vertex(
         upper.shape[0] + jnp.arange(3),
         jnp.eye(3, dtype=torque.dtype),
@@ -217,9 +181,9 @@ def _beginning(upper: Float[Array, " m"], torque: Vector, first: Vector) -> Vert
         none,
         none,
         jnp.where(upper > 0, 1.0, 0.0).astype(torque.dtype),
-        jnp.where(comes_first, first, torque),
-        jnp.stack([none, none]),
-        jnp.where(comes_first, 0, 1),
+        ahead,
+        facets,
+        leg,
         jnp.array(0),
         jnp.array(True),
     )
@@ -236,7 +200,7 @@ def inverse_of_columns(columns: Matrix) -> Matrix:
 def _pivot(programme: Programme, torque: Vector, at: Vertex) -> Vertex:
     """Advance until a member meets a bound; then the cheapest other thruster replaces it."""
     units, upper, price = programme
-    zero = _zero(upper)
+    zero = zero_below(upper)
     inverse = inverse_of_columns(at.columns)
     rates = jnp.sum(inverse * at.ahead[None], axis=1)
     speed = jnp.abs(rates)
@@ -280,8 +244,8 @@ def _next_leg(
     Where members are artificial torques, the last leg exchanges them for thrusters as far as
     possible along a negligible torque, so that thrusters make a change of the torque.
     """
-    ended = ~turns & (jnp.arange(2) == at.leg)
-    ways = jnp.asarray(ANY_WAY, upper.dtype) * (_zero(upper) ** 2 * jnp.max(upper))
+    ended = ~turns & (legs_before(at.facets) == at.leg)
+    ways = jnp.asarray(ANY_WAY, upper.dtype) * (zero_below(upper) ** 2 * jnp.max(upper))
     ahead = jnp.where(at.leg == 0, torque + at.ahead, ways)
     more = (at.leg == 0) | ((at.leg == 1) & jnp.any(at.members >= upper.shape[0]))
     return at._replace(
