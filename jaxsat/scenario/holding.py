@@ -141,7 +141,7 @@ class RestDrift(NamedTuple):
     `drift` is the value at the target attitude, `attitude` the reduction by attitudes within the
     tolerances to first order, and `oscillation` the reduction by two in-phase rates with the norm
     of the rate tolerance ω, sines: c ω²/4. Square waves give c ω²/2, the largest value of all
-    periodic rates; the waves of the laws give `waves` times `oscillation`.
+    periodic rates; the flattest waves of the laws give `waves` times `oscillation`.
     """
 
     drift: float
@@ -151,7 +151,7 @@ class RestDrift(NamedTuple):
 
     @property
     def balanced(self) -> float:
-        """Largest drift against which the laws can hold an attitude within the tolerances."""
+        """Largest drift against which a law can hold an attitude within the tolerances, at best."""
         return self.attitude + self.waves * self.oscillation
 
     @property

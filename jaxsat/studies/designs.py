@@ -52,6 +52,10 @@ class Listed(AbstractDesign):
         return self.listed_noise[np.asarray(numbers)]
 
 
+LAST_OF_SOBOL = 2**30 - 1
+"""Largest number of a case in a Sobol sequence."""
+
+
 class SamePoint(AbstractDesign):
     """Cases at one point of the unit cube, which differ in their noise alone."""
 
@@ -92,7 +96,7 @@ class Sobol(AbstractDesign):
 
     def points(self, numbers: np.ndarray, dimensions: Mapping[str, int]) -> np.ndarray:
         """Points of SciPy's sequence, shifted; fast for consecutive `numbers`."""
-        _require_numbers(numbers, 2**30 - 1)
+        _require_numbers(numbers, LAST_OF_SOBOL)
         total = sum(dimensions.values())
         if not total or not len(numbers):
             return np.zeros((len(numbers), total))

@@ -47,7 +47,7 @@ class RodsLeft(NamedTuple):
         their limits, and of the `tolerance` (rad) of the attitude.
         """
         rods = self.rods
-        if rods is None or not self.stuck.any():
+        if rods is None or not np.any(rods.axes @ self.stuck):
             return True
         healthy, wheels = np.flatnonzero(self.healthy).tolist(), judged.actuators
         rest = rest_with_rods(judged, rods, healthy)

@@ -14,9 +14,11 @@ QUICK = {"law": "quaternion-feedback", "natural_frequency_rad_s": 0.01, "period_
 """A law that is quickly made."""
 
 
-def left(name, *cases, law=QUICK, kind="wheel dead", rod="dead", amount=np.nan):
+def left(name, *cases, law=QUICK, kind="wheel dead", rod="dead", amount=np.nan, rods=None):
     """Of every case: which devices fail as told, wheels counted before magnetorquers."""
     data = load(name).model_dump(exclude_none=True)
+    if rods is not None:
+        data["magnetorquer"] = [rod | {"name": f"rod {at}"} for at, rod in enumerate(rods)]
     devices = [(of, one["name"]) for of in ("wheel", "magnetorquer") for one in data.get(of, ())]
     data["failure"] = [
         {"of": f"{of} {which}", "kind": "dead", "at_s": 100.0 * at}
@@ -114,6 +116,14 @@ def test_two_rods_do_not_oppose_one_along_the_orbit_normal_near_the_poles():
     ):
         stuck = left("wheel-and-rods", (rod,), law=law, rod="stuck at", amount=amount)
         assert stuck == [found]
+
+
+@pytest.mark.slow
+def test_stuck_rods_that_cancel_make_no_torque():
+    """Two along x, one against the other, beside rods along y and z."""
+    axes = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    rods = [{"axis": axis, "dipole_limit_A_m2": 0.2} for axis in axes]
+    assert left("rods-only", (0, 1), rod="stuck on", rods=rods) == left("rods-only", (0,))
 
 
 RODS = ", ".join(f"{{axis={axis}, dipole_limit_A_m2=10}}" for axis in np.eye(3).tolist())

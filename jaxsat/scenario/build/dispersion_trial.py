@@ -15,6 +15,7 @@ from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import refusal_text, shown
+from jaxsat.studies.designs import LAST_OF_SOBOL
 from jaxsat.studies.dispersion_problems import dispersion_problems
 from jaxsat.studies.distributions import (
     AbstractProbabilityDistribution,
@@ -69,8 +70,13 @@ def _exclusions(table: DispersionTable) -> Iterator[Issue]:
         if {one, other} <= table.distributions.keys():
             first, second = DISPERSIBLE[one].key, DISPERSIBLE[other].key
             yield at(f"dispersion.{second}", f"must be omitted with dispersion.{first}, got both")
-    if table.case is not None and table.point is None and table.design == "latin-hypercube":
+    if table.case is None or table.point is not None:
+        return
+    if table.design == "latin-hypercube":
         yield at("dispersion.case", "must be omitted where cases depend on how many there are")
+    if table.design == "sobol" and table.case > LAST_OF_SOBOL:
+        rule = f"must be at most {LAST_OF_SOBOL} in a Sobol sequence"
+        yield at("dispersion.case", f"{rule}, got {table.case}")
 
 
 def _start_of_a_study(scenario: Scenario, names: set[str]) -> Iterator[Issue]:

@@ -1,6 +1,7 @@
 """The worst case of a requirement in one call: the search, its result, and its scenario."""
 
 import json
+import shlex
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -182,7 +183,7 @@ def worst_case(
             least_of(margins[:common], margins[flights:]),
             least_of(margins[:flights]),
             len(margins),
-            f"jaxsat simulate {folder.path / CASE}",
+            f"jaxsat simulate {shlex.quote(str(folder.path / CASE))}",
         )
         if out is not None:
             folder.write(CASE, dump(case))

@@ -74,7 +74,7 @@ def search(evaluate: Evaluate, ball: Ball, flights: int, seed: int) -> int:
     left = flights - common
     for turn, start in enumerate(np.argsort(margins[:common], kind="stable")):
         if left > 0:
-            left -= _adapt(evaluate, ball, x[start], int(noise[start]), seed + turn, left)
+            left -= _adapt(evaluate, ball, x[start], int(noise[start]), (seed + turn) % 2**31, left)
     return common
 
 

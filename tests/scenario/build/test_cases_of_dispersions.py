@@ -46,8 +46,11 @@ def test_all_cases_have_the_point():
         ("rate-limited", "point=[0.5, 0.5]", "dispersion.point.* must have 6 numbers .* got 2"),
         ("rate-limited", "point=[0.5, 1]", "dispersion.point.* must be less than 1"),
         ("acceptance-nominal", "design='latin-hypercube'", "dispersion.case: must be omitted"),
+        ("rate-limited", "design='sobol'", "dispersion.case: must be at most 1073741823"),
     ],
 )
 def test_cases_that_cannot_be_flown_are_refused(scenario, override, message, purpose):
     with pytest.raises(ScenarioError, match=message):
-        jaxsat.load(scenario, ["dispersion.case=1", f"dispersion.{override}"], purpose=purpose)
+        jaxsat.load(
+            scenario, ["dispersion.case=4294967295", f"dispersion.{override}"], purpose=purpose
+        )

@@ -77,6 +77,7 @@ def test_a_search_is_repeated_by_its_seed_and_keeps_the_noise_of_its_start():
     for flown, seed in ((one, 5), (same, 5), (other, 6)):
         search(flown, ball, 200, seed)
     assert np.array_equal(one.x, same.x)
+    search(Flown(lambda x: x @ DIRECTION), ball, 200, 2**63 - 1)
     assert not np.array_equal(one.x, other.x)
     start = np.argmin(np.array(one.x[:40]) @ DIRECTION)
     assert set(one.noise[200:220]) == {one.noise[start]}
