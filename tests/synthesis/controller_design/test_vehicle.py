@@ -166,7 +166,7 @@ def test_a_small_coupling_takes_longer_as_physics_does(bare):
     assert small == pytest.approx(usual * 0.4 / 0.05, rel=0.2)
     assert not any("In orbit with c" in line for line in told)
     assert filled(0.2, "orbit.rate_rad_s=1e-5")[0] == small
-    in_orbit, told = filled(0.2, "orbit.rate_rad_s=1e-3")
+    in_orbit, told = filled(0.2, "orbit.rate_rad_s=1.2e-3")
     assert in_orbit == pytest.approx(usual, rel=0.2)
     assert "In orbit with c = 0.05, " in told[0]
     assert "of 1000 bodies drawn from [dispersion] drift" in told[0]
