@@ -60,6 +60,8 @@ def _parts(document: Document) -> Iterator[Any]:
             yield Text(f"\n{clean(block.title)}", "bold")
         if isinstance(block, Facts):
             grid = Grid.grid(padding=(0, 2, 0, 0))
+            grid.add_column()
+            grid.add_column(overflow="fold")  # a path in a command is not cut
             for name, text in block.rows.items():
                 grid.add_row(clean(name), clean(text))
             yield grid
