@@ -69,8 +69,8 @@ def build_oscillatory(values: Mapping[str, Any], context: LawContext) -> Oscilla
 
 def build_three_slew(values: Mapping[str, Any], context: LawContext) -> ThreeSlewSettling:
     """Build the law of three slews; raises as `build_oscillatory` does."""
-    law = balancing(_built(three_slew_settling, values, context), context.rate_noise)
-    return _with_gains(law, THREE_SLEW, values)
+    law = _with_gains(_built(three_slew_settling, values, context), THREE_SLEW, values)
+    return balancing(law, context.rate_noise)
 
 
 def build_planned(values: Mapping[str, Any], context: LawContext) -> AbstractSampledController:

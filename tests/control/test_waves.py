@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
+import jaxsat
 from control.cases import body
 from control.test_oscillatory import known
 from jaxsat.control.normal_form import NormalState, tilt_of
 from jaxsat.control.oscillatory import Slow
-from jaxsat.control.presets import balancing, three_slew_settling
+from jaxsat.control.presets import BALANCED, balancing, three_slew_settling
 from jaxsat.control.waves import SINE, FlatTop, twice_mean_square, wave_at
 from jaxsat.core.attitude import WZ
 
@@ -144,3 +145,36 @@ def test_only_a_law_that_balances_drifts_has_flat_tops():
     assert float(flat.estimator.balanced) == pytest.approx(share * float(sines.estimator.balanced))
     before, after = (eqx.filter(one.fine.oscillator, eqx.is_array) for one in (sines, flat))
     assert all(map(np.array_equal, jax.tree.leaves(before), jax.tree.leaves(after)))
+
+
+@pytest.mark.parametrize("frequency", [None, 1.0])
+def test_drift_that_a_set_frequency_balances_moves_no_attitude(tmp_path, frequency):
+    """At 1 rad/s waves are rounder than at the frequency of the gains, and balance less."""
+    path = tmp_path / "case.toml"
+    own = "" if frequency is None else f"frequency_rad_s = {frequency}"
+    path.write_text(
+        f"""
+title = "A body in a low orbit"
+[spacecraft]
+inertia_kg_m2 = [60, 40, 50]
+thruster_torque_axes = [[1, 0, 0], [0, 1, 0]]
+torque_limit_N_m = 1.0
+[orbit]
+altitude_km = 600
+[disturbance]
+gravity_gradient = true
+[initial]
+w = [0, 0]
+z_rad = 0
+omega_rad_s = [0.01, 0, 0]
+[simulation]
+duration_s = 100
+[control]
+law = "three-slew"
+{own}
+"""
+    )
+    law = jaxsat.build(jaxsat.load(path)).loop.controller
+    assert (float(law.fine.roundness) > 0.14) == (frequency is not None)
+    largest = float(law.fine.largest_change(law.form.coupling))
+    assert float(law.estimator.balanced) == pytest.approx(BALANCED * largest, rel=1e-12)
