@@ -65,6 +65,11 @@ from jaxsat.studies.summary import Summary as Summary, summarise as summarise
 from jaxsat.store.dataset import open_trajectory as open_trajectory
 from jaxsat.store.files import OutputError as OutputError
 from jaxsat.store.tables import case_table as case_table, open_study as open_study
+from jaxsat.report.results import (
+    Flight as Flight,
+    StudyResults as StudyResults,
+    fly as fly,
+)
 from jaxsat.scenario import (
     Scenario as Scenario,
     ScenarioError as ScenarioError,

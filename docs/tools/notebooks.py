@@ -20,7 +20,7 @@ FOLDER = Path(__file__).parents[2] / "notebooks"
 MAX_PICTURE = 60_000
 COLOURS = 48
 WIDTHS = (760, 640, 520, 400)
-KEPT = ("image/png", "text/plain")
+KEPT = ("image/png", "text/markdown", "text/plain")
 
 
 def code_hash(notebook) -> str:

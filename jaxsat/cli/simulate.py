@@ -1,9 +1,8 @@
 """`jaxsat simulate`: run one scenario and write its results."""
 
-import json
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from jaxsat.cli.computing import interruptibly
 from jaxsat.cli.loading import load_scenario
@@ -22,10 +21,8 @@ from jaxsat.cli.terminal import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from matplotlib.figure import Figure
-
+    from jaxsat.report.results import Flight
     from jaxsat.scenario import Scenario
-    from jaxsat.store.folder import OutputFolder
     from jaxsat.store.labelled import LabelledArrays
 
 ADVICE = {
@@ -50,7 +47,6 @@ def simulate(scenario: str, /, *, overrides: Overrides = (), results: Results = 
     target = results.out or Path(f"jaxsat-{Path(scenario).stem}")
     report = planned_report(results, target)
 
-    from jaxsat.scenario.resolution import excessive_error
     from jaxsat.store.folder import OutputFolder
 
     output_folder = OutputFolder(target, kind="run", overwrite=results.overwrite)
@@ -58,69 +54,30 @@ def simulate(scenario: str, /, *, overrides: Overrides = (), results: Results = 
         show_progress(f"simulating {scenario}")
         remarks: list[str] = []
         begin = time.perf_counter()
-        chosen, dataset = interruptibly(lambda: _simulated(chosen, remarks.append), brief=True)
+        flight = interruptibly(lambda: _flight(chosen, remarks.append), brief=True)
         seconds = time.perf_counter() - begin
         show_progress("drawing figures")
-        interruptibly(lambda: _write(folder, chosen, dataset), brief=True)
+        interruptibly(lambda: flight.write(folder), brief=True)
         files = folder.names
-    from jaxsat.store.dataset import coarseness, errors_of
-
-    for warning in (coarseness(dataset), excessive_error(errors_of(dataset), chosen)):
-        if warning:
-            print_warning(warning)
+    for caution in flight.cautions:
+        print_warning(caution)
     for remark in dict.fromkeys(remarks):
         print_stderr(remark, "")
     if not results.quiet:
-        from jaxsat.report.run_document import run_document
-
-        print_document(run_document(dataset))
+        print_document(flight.document)
         print_stdout(f"{seconds:.1f} s with compilation; written to {target}: {', '.join(files)}")
     finish_report(report, quiet=results.quiet)
+    dataset = flight.arrays
     if dataset.attrs["outcome_code"] == 0:
         return SUCCESS
     print_stderr(f"{failure_advice(dataset)}; the results so far were written to {target}")
     return FAILED_RUN
 
 
-def _simulated(
-    scenario: "Scenario", tell: "Callable[[str], None]"
-) -> tuple["Scenario", "LabelledArrays"]:
-    from jaxsat.scenario.build.datasets import simulated_finely
+def _flight(scenario: "Scenario", tell: "Callable[[str], None]") -> "Flight":
+    from jaxsat.report.results import fly
 
-    return simulated_finely(scenario, tell)
-
-
-def _write(folder: "OutputFolder", scenario: "Scenario", dataset: "LabelledArrays") -> None:
-    record = json.dumps(_record(scenario, dataset), indent=2, ensure_ascii=False)
-    folder.write("run.json", record + "\n")
-    write_trajectory(folder, dataset)
-
-
-def write_trajectory(folder: "OutputFolder", dataset: "LabelledArrays") -> None:
-    """Write the scenario of a trajectory, the trajectory and its figures."""
-    from jaxsat.report.saving import save_figures
-    from jaxsat.store.netcdf import dataset_bytes
-
-    def figures() -> "dict[str, Figure]":
-        from jaxsat.report.figures import trajectory_figures  # `save_figures` imports matplotlib
-
-        return trajectory_figures(dataset)
-
-    folder.write("scenario.toml", dataset.attrs["scenario"])
-    folder.write("trajectory.nc", dataset_bytes(dataset))
-    save_figures(figures, folder.write)
-
-
-def _record(scenario: "Scenario", dataset: "LabelledArrays") -> dict[str, Any]:
-    from jaxsat.store.provenance import command_line, provenance
-
-    return {
-        "title": scenario.title,
-        "command": command_line(),
-        "outcome": dataset.attrs["outcome"],
-        "seed": scenario.simulation.seed,
-        **provenance(),
-    }
+    return fly(scenario, tell)
 
 
 def failure_advice(dataset: "LabelledArrays") -> str:

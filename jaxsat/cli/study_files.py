@@ -8,9 +8,9 @@ from jaxsat.cli.computing import interruptibly
 from jaxsat.cli.terminal import UserMistake, print_stdout
 
 if TYPE_CHECKING:
+    from jaxsat.report.results import Flight
     from jaxsat.scenario import Scenario
     from jaxsat.store.folder import OutputFolder
-    from jaxsat.store.labelled import LabelledArrays
     from jaxsat.studies.ensemble import Study
     from jaxsat.studies.summary import Summary
 
@@ -56,34 +56,32 @@ def write_one_case(
     scenario: "Scenario", study: "Study", number: int, target: Path, *, overwrite: bool, quiet: bool
 ) -> None:
     """Compute one case again, and write a folder like that of `jaxsat simulate`."""
-    from jaxsat.cli.simulate import write_trajectory
     from jaxsat.store.folder import OutputFolder
 
     try:
         with OutputFolder(target, kind="run", overwrite=overwrite) as folder:
-            dataset, draws = interruptibly(lambda: replayed(scenario, study, number), brief=True)
-            write_trajectory(folder, dataset)
+            flight, draws = interruptibly(lambda: replayed(scenario, study, number), brief=True)
+            flight.write_trajectory(folder)
     except ValueError as error:
         raise UserMistake(str(error)) from None
     if not quiet:
-        print_stdout(f"case {number}: {dataset.attrs['outcome_explanation']}")
+        print_stdout(f"case {number}: {flight.arrays.attrs['outcome_explanation']}")
         for line in draws:
             print_stdout(line)
         print_stdout(f"written to {target}")
 
 
-def replayed(
-    scenario: "Scenario", study: "Study", number: int
-) -> tuple["LabelledArrays", Sequence[str]]:
-    """Return the trajectory of one case as a dataset, and the values drawn for it as lines."""
+def replayed(scenario: "Scenario", study: "Study", number: int) -> tuple["Flight", Sequence[str]]:
+    """Return the flight of one case, and the values drawn for it as lines."""
     from jaxsat.core.declaration.quantities import DISPERSIBLE
+    from jaxsat.report.results import Flight
     from jaxsat.scenario.build.datasets import replayed_case
 
-    dataset = replayed_case(scenario, study, number)
+    flight = Flight(scenario, replayed_case(scenario, study, number))
     lines = []
-    for key, values in dataset.attrs.items():
+    for key, values in flight.arrays.attrs.items():
         if not key.startswith("drawn_"):
             continue
         name, numbers = key.removeprefix("drawn_"), ", ".join(f"{value:.6g}" for value in values)
         lines.append(f"{name:<24} {numbers} {DISPERSIBLE[name].unit.replace('1', '')}".rstrip())
-    return dataset, lines
+    return flight, lines

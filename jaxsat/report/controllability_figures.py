@@ -21,6 +21,7 @@ from jaxsat.control.what_is_left import LEFT
 from jaxsat.controllability.actuators import ActuatorSet
 from jaxsat.controllability.cone import TorqueCone
 from jaxsat.report.figure_painter import paint
+from jaxsat.report.notebook_figure import NotebookFigure
 from jaxsat.report.plot import TIME, Axis, Line, Plot
 from jaxsat.report.style import escape_mathematics
 
@@ -51,7 +52,7 @@ def inertia_map(
     The uncontrollable set (margin 0 to rounding, or between grid points) is darkest; points at
     exactly zero are outlined in orange. `spacecraft` (3,) marks moments of inertia.
     """
-    figure = Figure(figsize=(7.0, 5.6), layout="constrained")
+    figure = NotebookFigure(figsize=(7.0, 5.6), layout="constrained")
     axes = figure.add_subplot()
     mesh = mtri.Triangulation(points[:, 0], points[:, 1])
     levels = np.maximum(margins, _FLOOR)
@@ -100,7 +101,7 @@ def _direction_map(
     **look: Any,
 ) -> tuple[Figure, Axes, QuadMesh]:
     """Draw values over azimuth and elevation (rad in, degrees drawn) of a `direction`."""
-    figure = Figure(figsize=(7.5, 4.4), layout="constrained")
+    figure = NotebookFigure(figsize=(7.5, 4.4), layout="constrained")
     axes = figure.add_subplot()
     degrees = np.degrees(azimuths), np.degrees(elevations)
     image = axes.pcolormesh(*degrees, values, shading="nearest", rasterized=True, **look)
@@ -150,7 +151,7 @@ def failure_chart(records: Sequence[dict]) -> Figure:
     first_records, count = records[:_MOST_ROWS], len(records)
     texts = [textwrap.fill(f"rank {one['rank']}: lost {one['lost']}", 72) for one in first_records]
     wide = any("\n" in text for text in texts)
-    figure = Figure(
+    figure = NotebookFigure(
         figsize=(10 if wide else 7.5, 1.2 + 0.32 * len(first_records)), layout="constrained"
     )
     axes = figure.add_subplot()

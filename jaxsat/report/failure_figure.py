@@ -23,15 +23,20 @@ IN_SERVICE = ("degraded", "friction up")
 """Failures of wheels that stay in use."""
 
 
+def shows_failure(dataset: Dataset) -> bool:
+    """Whether something fails in flight, under a law that diagnoses its actuators."""
+    return "detection_statistic" in dataset and bool(_failures(dataset))
+
+
 def failure_figure(dataset: Dataset, *, title: str = "") -> Figure | None:
     """Plot total pointing error over the phases of a run with failures, and each CUSUM.
 
     Below them are the momenta of diagnosed wheels. None where nothing fails, or the law does not
     diagnose its actuators.
     """
-    failures = _failures(dataset)
-    if not failures or "detection_statistic" not in dataset:
+    if not shows_failure(dataset):
         return None
+    failures = _failures(dataset)
     time, size = dataset["time"].values, dataset["pointing_error_total"].values
     axis = Axis("Pointing error", "°", limits=(0.0, 1.45 * float(np.nanmax(size))))
     plots = [Plot("Pointing error", "", TIME, axis, [Line(time, size)]), _tests(dataset)]

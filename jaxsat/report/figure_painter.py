@@ -17,6 +17,7 @@ from matplotlib.ticker import AutoLocator, LogFormatterSciNotation
 from matplotlib.transforms import ScaledTranslation
 
 from jaxsat.core.text import clean
+from jaxsat.report.notebook_figure import NotebookFigure
 from jaxsat.report.plot import Axis, Line, Plot, Strips, Timeline, kept_samples, largest_of_parts
 from jaxsat.report.shared_ticks import SharedTicksAxes
 from jaxsat.report.style import (
@@ -103,7 +104,7 @@ def paint(
     heads = [_head(plot, count) for plot, count in zip(plots, rows, strict=True)]
     whole = TOP + sum(heads) + height * len(plots) + sum(below)
     with rc_context(dict[Any, Any](SETTINGS)):
-        figure, axes, top = Figure(figsize=(WIDTH, whole)), [], whole - TOP
+        figure, axes, top = NotebookFigure(figsize=(WIDTH, whole)), [], whole - TOP
         for head, foot in zip(heads, below, strict=True):
             top -= head + height
             place = (LEFT / WIDTH, top / whole, 1 - (LEFT + right) / WIDTH, height / whole)
@@ -135,7 +136,7 @@ def paint_grid(rows: Sequence[Sequence[Plot | None]], title: str) -> Figure:
     names = list(dict.fromkeys(line.label for plot in plots for line in plot.lines))
     size = (max(6.5, 3.2 * len(rows[0]) + 0.8), 2.3 * len(rows) + 1.1)
     with rc_context(dict[Any, Any](SETTINGS)):
-        figure = Figure(figsize=size, layout="constrained")
+        figure = NotebookFigure(figsize=size, layout="constrained")
         panels = figure.subplots(len(rows), len(rows[0]), squeeze=False, sharey=True)
         set_title(figure, title)
     handles = {}

@@ -4,13 +4,14 @@ The datasets are those of `jaxsat.store.dataset`. No figure is shown or saved he
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import cast
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from jaxsat.report.facts import scenario_tables
-from jaxsat.report.failure_figure import failure_figure
+from jaxsat.report.failure_figure import failure_figure, shows_failure
 from jaxsat.report.figure_painter import paint
 from jaxsat.report.plot import TIME, Axis, Line, Plot
 from jaxsat.report.run_plots import (
@@ -33,27 +34,27 @@ PEAK = 20.0
 """Peak over the usual size of a signal beyond which its axis becomes logarithmic."""
 
 
-def trajectory_figures(dataset: Dataset) -> dict[str, Figure]:
-    """Return the figures of one run by file name, as far as its law has data for them."""
-    figures = {
-        "attitude": attitude_figure(dataset),
-        "pointing": pointing_figure(dataset),
-        "rates": rates_figure(dataset, linear_to=_usual_size(dataset["omega"].values)),
-        "torque": torque_figure(dataset, linear_to=_usual_size(dataset["torque"].values)),
+def trajectory_drawings(dataset: Dataset) -> dict[str, Callable[[], Figure]]:
+    """Return functions that draw one run, by file name, as far as its law has data for them."""
+    drawings: dict[str, Callable[[], Figure]] = {
+        "attitude": lambda: attitude_figure(dataset),
+        "pointing": lambda: pointing_figure(dataset),
+        "rates": lambda: rates_figure(dataset, linear_to=_usual_size(dataset["omega"].values)),
+        "torque": lambda: torque_figure(dataset, linear_to=_usual_size(dataset["torque"].values)),
     }
     if np.nan_to_num(dataset["lyapunov"].values).any():
-        figures["lyapunov"] = lyapunov_figure(dataset)
+        drawings["lyapunov"] = lambda: lyapunov_figure(dataset)
     if mode_names(dataset) and torque_axes(dataset) == 2:
-        figures["steering"] = steering_figure(dataset)
+        drawings["steering"] = lambda: steering_figure(dataset)
     if shares := share_plots(dataset):
-        figures["shares"] = _figure(dataset, shares, "torque by kind of actuator", height=2.2)
-    story = failure_figure(dataset)
-    if story is not None:
-        figures["failure"] = story
+        title = "torque by kind of actuator"
+        drawings["shares"] = lambda: _figure(dataset, shares, title, height=2.2)
+    if shows_failure(dataset):
+        drawings["failure"] = lambda: cast(Figure, failure_figure(dataset))
     signals = [plot for name in further_signals(dataset) for plot in signal_plots(dataset, name)]
     if signals:
-        figures["signals"] = _figure(dataset, signals, "further signals", height=1.4)
-    return figures
+        drawings["signals"] = lambda: _figure(dataset, signals, "further signals", height=1.4)
+    return drawings
 
 
 def _figure(

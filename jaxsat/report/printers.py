@@ -115,19 +115,22 @@ def _cell(cell: Cell, below: bool) -> str:
     return text.replace(" (", "\n(", 1) if below and is_number(cell) else text
 
 
-def markdown_page(document: Document) -> str:
-    """Return the document without plots, replays and listings, which only a page shows."""
-    verdict = document.verdict
-    parts = [f"# {markdown(document.title)}", f"**{_prose(verdict.text)}**"]
+def markdown_page(document: Document, level: int = 1) -> str:
+    """Return the document without plots, replays and listings, which only a page shows.
+
+    Its title is a heading of this `level`.
+    """
+    verdict, sub = document.verdict, "#" * (level + 1)
+    parts = [f"{sub[1:]} {markdown(document.title)}", f"**{_prose(verdict.text)}**"]
     parts += [_markdown_items(verdict.more)] if verdict.more else []
     for block in document.blocks:
         if isinstance(block, Facts):
             lines = [f"{name}: {text}" for name, text in block.rows.items()]
-            parts += [f"## {markdown(block.title)}", _markdown_items(lines)]
+            parts += [f"{sub} {markdown(block.title)}", _markdown_items(lines)]
         elif isinstance(block, Lines):
-            parts += [f"## {markdown(block.title)}", _markdown_items(block.lines)]
+            parts += [f"{sub} {markdown(block.title)}", _markdown_items(block.lines)]
         elif isinstance(block, Table):
-            parts += [f"## {markdown(block.title)}", *_markdown_table(block)]
+            parts += [f"{sub} {markdown(block.title)}", *_markdown_table(block)]
     return "\n\n".join(parts) + "\n"
 
 

@@ -23,6 +23,9 @@ from jaxsat.studies.ensemble import Study
 from jaxsat.studies.sensitivities import numbers_of
 from jaxsat.studies.summary import Summary
 
+Drawings = dict[str, Callable[[], Figure]]
+"""Functions that draw figures, by file name."""
+
 BANDS = ((1.0, 99.0), (10.0, 90.0), (25.0, 75.0))
 """Percentiles that bound the bands of a fan chart."""
 
@@ -215,15 +218,11 @@ def write_study_figures(
     Raises `OutputError` for a store that cannot be read.
     """
     dataset, count = open_study(store), summary.cases
-    columns = {"settling_time": np.asarray(dataset["settling_time"][:count])}
-    names = [entry.name for entry in summary.ranking if entry.matters][:2]
     every = max(1, study.program.intervals // FAN_INSTANTS)
     signals = _histories(study, np.arange(min(count, FAN_CASES)), every)
     times = study.program.instants(every) * float(study.program.interval)
-    numbers = {label: _drawn_number(dataset, label, count) for label in names}
-    save_figures(
-        lambda: study_figures(columns, numbers, title) | fan_figures(times, signals, title), write
-    )
+    drawings = stored_drawings(dataset, summary, title)
+    save_figures(lambda: {**drawings, **fan_figures(times, signals, title)}, write)
 
 
 def _histories(study: Study, numbers: np.ndarray, every: int) -> Signals:
@@ -249,19 +248,27 @@ def _drawn_number(dataset: xr.Dataset, label: str, count: int) -> DrawnNumber:
     return DrawnNumber(values, unit, meaning)
 
 
-def study_figures(
+def stored_drawings(dataset: xr.Dataset, summary: Summary, title: str) -> Drawings:
+    """Return `study_drawings` of a store, over the two drawn numbers that matter most."""
+    labels = [entry.name for entry in summary.ranking if entry.matters][:2]
+    numbers = {label: _drawn_number(dataset, label, summary.cases) for label in labels}
+    columns = {"settling_time": np.asarray(dataset["settling_time"][: summary.cases])}
+    return study_drawings(columns, numbers, title)
+
+
+def study_drawings(
     columns: Mapping[str, np.ndarray], numbers: Mapping[str, DrawnNumber], title: str
-) -> dict[str, Figure]:
-    """Return the figures of a study's columns; with two dispersed `numbers`, also their map."""
+) -> Drawings:
+    """Return functions that draw a study's columns, and the map of two dispersed `numbers`."""
     settling_time = np.asarray(columns["settling_time"])
     settled = np.isfinite(settling_time)
-    figures = {
-        "settling": settling_distribution(settling_time, f"{title}: settling time"),
-        "convergence": convergence(settled, f"{title}: estimate"),
+    drawings: Drawings = {
+        "settling": lambda: settling_distribution(settling_time, f"{title}: settling time"),
+        "convergence": lambda: convergence(settled, f"{title}: estimate"),
     }
     if len(numbers) == 2:
         x, y = (np.asarray(number.values) for number in numbers.values())
         first, second = (axis_label(name, number) for name, number in numbers.items())
         where = f"{title}: where it settles"
-        figures["success"] = success_map(x, y, settled, (first, second), where)
-    return figures
+        drawings["success"] = lambda: success_map(x, y, settled, (first, second), where)
+    return drawings

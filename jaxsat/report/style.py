@@ -95,10 +95,11 @@ def panels(
 ) -> "tuple[Figure, list[list[Axes]]]":
     """Return a figure of this size (inches) with a title, and its rows of panels."""
     from matplotlib import rc_context
-    from matplotlib.figure import Figure
+
+    from jaxsat.report.notebook_figure import NotebookFigure
 
     with rc_context(dict[Any, Any](SETTINGS)):
-        figure = Figure(figsize=size, layout="constrained")
+        figure = NotebookFigure(figsize=size, layout="constrained")
         axes = figure.subplots(rows, columns, squeeze=False)
         set_title(figure, title)
     return figure, axes.tolist()

@@ -7,10 +7,11 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-import xarray as xr
 
 import jaxsat
 from jaxsat.cli.app import app
+from jaxsat.report.results import Flight
+from jaxsat.store.labelled import LabelledArrays
 
 COMMANDS = [
     ("simulate",),
@@ -166,9 +167,9 @@ def test_options_told_for_a_stray_word_are_those_of_the_command(command_line, ch
 
 def test_one_case_replaces_its_folder_if_asked(command_line, monkeypatch):
     about = {"scenario": "", "outcome_explanation": "told"}
-    found = (xr.Dataset(attrs=about), [])
+    found = (Flight(jaxsat.load("paper-rate"), LabelledArrays({}, {}, about)), [])
     monkeypatch.setattr("jaxsat.cli.study_files.replayed", lambda *_: found)
-    monkeypatch.setattr("jaxsat.report.figures.trajectory_figures", lambda _: {})
+    monkeypatch.setattr("jaxsat.report.figures.trajectory_drawings", lambda _: {})
     study = SimpleNamespace(remark=None)
     monkeypatch.setattr(
         "jaxsat.scenario.build.study.refined_study", lambda scenario, *_, **__: (scenario, study)

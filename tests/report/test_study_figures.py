@@ -9,7 +9,7 @@ from jaxsat.report.study_figures import (
     fan_chart,
     fan_figures,
     settling_distribution,
-    study_figures,
+    study_drawings,
     success_map,
 )
 from jaxsat.simulation.trajectory import Signals
@@ -96,12 +96,12 @@ def test_the_figures_of_a_study():
         "omega[1]": DrawnNumber(times, "rad/s", "initial angular velocity"),
         "turn": DrawnNumber(-times, "rad", "initial z"),
     }
-    figures = study_figures({"settling_time": times}, drawn, "t")
-    assert set(figures) == {"settling", "convergence", "success"}
-    panel = figures["success"].axes[0]
+    drawings = study_drawings({"settling_time": times}, drawn, "t")
+    assert set(drawings) == {"settling", "convergence", "success"}
+    panel = drawings["success"]().axes[0]
     assert panel.get_xlabel() == "ω1 (rad/s)\ninitial angular velocity"
     assert panel.get_ylabel() == "turn (rad)\ninitial z"
-    assert set(study_figures({"settling_time": times}, {}, "t")) == {"settling", "convergence"}
+    assert set(study_drawings({"settling_time": times}, {}, "t")) == {"settling", "convergence"}
 
 
 def test_a_fan_of_cases_that_cannot_exist_says_so():

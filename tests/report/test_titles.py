@@ -10,7 +10,7 @@ import pytest
 from jaxsat.report.comparison_figures import settling_comparison
 from jaxsat.report.controllability_figures import inertia_map
 from jaxsat.report.figure_painter import paint_grid
-from jaxsat.report.study_figures import study_figures
+from jaxsat.report.study_figures import study_drawings
 from jaxsat.report.style import escape_mathematics, panels
 from jaxsat.report.tuning_document import methods_plot
 
@@ -68,7 +68,7 @@ def test_every_kind_of_figure_takes_any_title():
     traces = {text: np.array([[1.0, 2.0], [3.0, 1.0]])}
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     figures = [
-        *study_figures({"settling_time": times}, {}, text).values(),
+        *(draw() for draw in study_drawings({"settling_time": times}, {}, text).values()),
         settling_comparison({(text, 5.0): {text: times}}, {(text, 5.0): 100.0}, text),
         paint_grid([[methods_plot(traces)]], text),
         inertia_map(corners, np.ones(3), title=text),

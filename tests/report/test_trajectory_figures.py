@@ -12,7 +12,7 @@ from jaxsat.report.figures import (
     pointing_figure,
     rates_figure,
     torque_figure,
-    trajectory_figures,
+    trajectory_drawings,
 )
 from jaxsat.report.plot import TIME, Axis, Line, Plot, Strips, Timeline
 from jaxsat.report.run_plots import further_signals
@@ -95,9 +95,9 @@ def test_a_peak_that_would_hide_the_rest_is_compressed(peak, scale):
     run = dataset(
         torque=signal(values, "N m", "body_axis"), omega=signal(values, "rad s-1", "body_axis")
     )
-    figures = trajectory_figures(run)
+    drawings = trajectory_drawings(run)
     for name in ("torque", "rates"):
-        whole, enlarged = figures[name].axes
+        whole, enlarged = drawings[name]().axes
         assert (whole.get_yscale(), enlarged.get_yscale()) == (scale, "linear")
     assert rates_figure(run).axes[0].get_yscale() == "linear"
 
@@ -113,7 +113,7 @@ def test_any_further_signal_gets_a_panel_with_its_name_and_unit():
         pulses=signal(pulses, "1", "thruster", "pulses of each thruster"),
     )
     assert further_signals(run) == ["rate_estimate_error", "propellant", "pulses"]
-    figure = trajectory_figures(run)["signals"]
+    figure = trajectory_drawings(run)["signals"]()
     figure.canvas.draw()  # dollar signs begin no mathematics
     first, second, third, shades = figure.axes
     assert (len(first.lines), len(first.collections)) == (3, 3), "errors and their bounds"
@@ -127,17 +127,17 @@ def test_any_further_signal_gets_a_panel_with_its_name_and_unit():
     assert third.get_ylim() == (0.5, 8.5), "every strip is seen whole"
     assert third.get_ylabel().replace("\n", " ") == "Pulses of each thruster (–)"
     assert shades.get_position().x0 > third.get_position().x1, "a bar beside it"
-    assert set(trajectory_figures(run)) - set(trajectory_figures(dataset())) == {"signals"}
+    assert set(trajectory_drawings(run)) - set(trajectory_drawings(dataset())) == {"signals"}
 
 
 def test_a_run_that_ended_at_once_is_drawn():
     run = dataset()
     for name in run:
         run[name][1:] = np.nan
-    figures = trajectory_figures(run)
-    assert figures.keys() == trajectory_figures(dataset()).keys()
-    for figure in figures.values():
-        figure.canvas.draw()
+    drawings = trajectory_drawings(run)
+    assert drawings.keys() == trajectory_drawings(dataset()).keys()
+    for draw in drawings.values():
+        draw().canvas.draw()
 
 
 def test_spans_are_shown_and_told_in_the_first_panel_without_strips():

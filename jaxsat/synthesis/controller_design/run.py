@@ -1,6 +1,7 @@
 """A design in one call, with a folder of its results: `design`."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -85,17 +86,17 @@ def write_files(design: ControllerDesign, folder: ResumableFolder) -> None:
         save_figures(lambda: _figures(design), folder.write)
 
 
-def _figures(design: ControllerDesign) -> "dict[str, Figure]":
+def _figures(design: ControllerDesign) -> "dict[str, Figure | Callable[[], Figure]]":
     from jaxsat.report.figure_painter import paint
-    from jaxsat.report.study_figures import study_figures
+    from jaxsat.report.study_figures import study_drawings
     from jaxsat.report.tuning_document import gain_plots, loss_plots
     from jaxsat.synthesis.tuning.history import history_dataset
 
     assert design.verification is not None
     assert design.scenario is not None
     columns, title = design.verification.columns, design.scenario.title
-    figures = study_figures(columns, _map_axes(design), title)
-    figures["laws"] = _laws_figure(design)
+    drawings = study_drawings(columns, _map_axes(design), title)
+    figures: dict[str, Any] = {**drawings, "laws": _laws_figure(design)}
     if design.tuned is not None:
         plan, state = design.tuned.plan, design.tuned.state
         history = history_dataset(plan, state, title, dump(design.scenario))
