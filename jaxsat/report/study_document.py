@@ -10,6 +10,7 @@ from jaxsat.core.text import number_text
 from jaxsat.report.document import Cell, Document, Lines, Shown, Table, Verdict
 from jaxsat.report.facts import settled_meaning, step_error
 from jaxsat.report.requirements import study_requirements
+from jaxsat.report.timeline import words_of
 from jaxsat.studies.columns import UNMADE
 from jaxsat.studies.recovery_summary import (
     SETTLING_PERCENTS,
@@ -60,6 +61,7 @@ def study_document(summary: Summary, scenario: Mapping[str, Any], again: str = "
         *study_requirements(summary.requirements, scenario),
         *percentile_table(percentiles, "Percentiles"),
         *recovery_tables(summary.recovery),
+        *sensor_table(summary),
         *rankings(summary),
     ]
     return Document(title, study_verdict(summary, scenario, again), blocks)
@@ -108,6 +110,17 @@ def percentile_table(
     rows = [[label, *map(interval_cell, one.values())] for label, one in by_label.items()]
     columns = ["quantity", *(f"{one:g} %" for one in percents)]
     return [Table(title, columns, rows, f"{note} {INTERVALS}".strip())]
+
+
+def sensor_table(summary: Summary) -> list[Table]:
+    """Return a table of rejected readings and of exclusions of the attitude sensors, if any."""
+    if not any(one.rejected for one in summary.sensors):
+        return []
+    columns = ["sensor", "rejected readings", "excluded in cases"]
+    rows: list[list[Cell]] = [
+        [words_of(one.name), one.rejected, fraction_cell(one.excluded)] for one in summary.sensors
+    ]
+    return [Table("Sensors of the attitude", columns, rows, INTERVALS)]
 
 
 def rankings(summary: Summary) -> Iterator[Table | Lines]:

@@ -17,6 +17,9 @@ DIAGNOSED = tuple(kind.word for kind in DiagnosedKind)
 MOST_VERDICTS = 6
 """Number of alarms and verdicts that a figure names."""
 
+EXCLUDED = ("used again", "excluded")
+"""What the filter does with a sensor of the attitude."""
+
 
 def timeline_of(dataset: Dataset) -> Timeline:
     """Return failures, alarms, verdicts and excluded sensors, and spans of unusual modes.
@@ -84,16 +87,18 @@ def words_of(part: str) -> str:
 
 
 def exclusions(dataset: Dataset) -> list[tuple[float, str]]:
-    """Return times (s) and names of the sensors that the filter excluded, at the saved times."""
+    """Return times (s) and names of the first sensors that the filter excluded, and of those that
+    it used again, at the saved times."""
     if "sensor_excluded" not in dataset:
         return []
     excluded, time = dataset["sensor_excluded"], dataset["time"].values
-    names = dataset[str(excluded.dims[-1])].values
-    return sorted(
-        (float(time[np.argmax(column == 1)]), f"{words_of(str(name))} excluded")
-        for name, column in zip(names, excluded.values.T, strict=True)
-        if (column == 1).any()
-    )
+    names, states = dataset[str(excluded.dims[-1])].values, np.nan_to_num(excluded.values)
+    changes = np.diff(states, axis=0, prepend=0 * states[:1])
+    events = [
+        (float(time[row]), f"{words_of(str(names[place]))} {EXCLUDED[int(states[row, place])]}")
+        for row, place in np.argwhere(changes != 0)
+    ]
+    return events[:MOST_VERDICTS]
 
 
 def diagnosed_part(dataset: Dataset) -> str:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import PyTree
+from jaxtyping import Array, PyTree
 
 from jaxsat.control.controller import Memory
 from jaxsat.control.guard import Guard, GuardState
@@ -116,6 +116,12 @@ class SampledLoop(AbstractLoop):
         if self.guard is None:
             return begin
         return begin._replace(guard=self.guard.init(self._idle_shares()))
+
+    def counts(self, state: SampledState) -> dict[str, Array]:
+        """What the estimator has counted of each attitude sensor, by its column of a study."""
+        if self.navigation is None or state.navigation is None:
+            return {}
+        return self.navigation.estimator.counts(state.navigation.memory)
 
     def told(self, number: IntScalar, state: SampledState) -> Told:
         """The controller's input at sample `number` of the run, from the true `state`."""

@@ -1,12 +1,16 @@
 """Columns of a study's store."""
 
 from collections import ChainMap
+from operator import attrgetter
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.actuators import STUDIED
+from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS
 from jaxsat.simulation.engine.progress import peaks_of
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.requirements import Requirements
@@ -54,6 +58,16 @@ UNMADE = {
     ),
 }
 """Columns of sampled loops that report unmade torque."""
+
+REJECTIONS = {
+    "rejected_readings": Column(
+        (0,), "float64", "1", "readings that the filter rejected", (labels.ATTITUDE_SENSOR,)
+    ),
+    "sensor_exclusions": Column(
+        (0,), "float64", "1", "how often the filter excluded it", (labels.ATTITUDE_SENSOR,)
+    ),
+}
+"""Columns of filters that test innovations, each of all attitude sensors."""
 
 ERRORS = {
     name: (part, Column((), "float64", label.units, label.long_name))
@@ -125,6 +139,22 @@ def history_of(signals: Signals, name: str) -> Array | np.ndarray:
     return getattr(signals.torque_range, RANGES[name][0])
 
 
+def attitude_sensors(loop: AbstractLoop) -> tuple[str, ...]:
+    """Return the names of the attitude sensors of a loop, in their order."""
+    if getattr(loop, "navigation", None) is None:
+        return ()
+    return tuple(one.name for one in ATTITUDE_SENSORS if attrgetter(one.place)(loop) is not None)
+
+
+def _first_counts(loop: AbstractLoop) -> dict[str, Array]:
+    """What the estimator of a loop has counted before the first sample."""
+    navigation = getattr(loop, "navigation", None)
+    if navigation is None:
+        return {}
+    estimator, attitude = navigation.estimator, Quaternion(jnp.array([1.0, 0.0, 0.0, 0.0]))
+    return estimator.counts(estimator.init(attitude, jnp.zeros(())))
+
+
 def columns_of(loop: AbstractLoop) -> dict[str, Column]:
     """Return the columns of a study of this loop, other than drawn values and histories."""
     plant = loop.plant
@@ -133,13 +163,18 @@ def columns_of(loop: AbstractLoop) -> dict[str, Column]:
         consumptions = [one.consumption(one.init_memory()) for one in plant.effectors]
         rest = tuple(one.init() for one in plant.effectors)
         stored = [one.stored(own) for one, own in zip(plant.effectors, rest, strict=True)]
-        return dict(ChainMap(peaks_of(ChainMap(*stored)), *consumptions))
+        return dict(ChainMap(peaks_of(ChainMap(*stored)), _first_counts(loop), *consumptions))
 
     shapes = {name: one.shape for name, one in jax.eval_shape(of_parts).items()}
     unmade = UNMADE if loop.tells_unmade else {}
     return (
         COLUMNS
         | unmade
+        | {
+            name: one._replace(shape=shapes[name])
+            for name, one in REJECTIONS.items()
+            if name in shapes
+        }
         | {
             name: Column(
                 shapes[name],

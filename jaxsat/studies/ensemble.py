@@ -15,7 +15,7 @@ from jaxsat.simulation.engine.interface import AbstractEngine, Replay, program_i
 from jaxsat.simulation.engine.program import Program
 from jaxsat.simulation.engine.progress import Outputs
 from jaxsat.store.chunks import Column, Coordinate
-from jaxsat.store.labels import components, distinct
+from jaxsat.store.labels import ATTITUDE_SENSOR, components, distinct
 from jaxsat.studies.columns import (
     DRAWN,
     ERRORS,
@@ -23,6 +23,7 @@ from jaxsat.studies.columns import (
     HISTORY_TIME,
     REQUIREMENT,
     REQUIREMENTS,
+    attitude_sensors,
     columns_of,
     histories_of,
     history_of,
@@ -146,6 +147,8 @@ class Study:
             for axis, size in zip(column.dims, column.shape, strict=True)
         }
         labels = {axis: Coordinate(self._components(axis, size)) for axis, size in sizes.items()}
+        if ATTITUDE_SENSOR in labels:
+            labels[ATTITUDE_SENSOR] = Coordinate(attitude_sensors(self.case_factory.loop))
         if REQUIREMENT in labels and self.program.requirements is not None:
             labels[REQUIREMENT] = Coordinate(self.program.requirements.names)
         if HISTORY_TIME in labels:

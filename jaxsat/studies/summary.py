@@ -8,8 +8,8 @@ import numpy as np
 from jaxsat.core.declaration.actuators import STUDIED
 from jaxsat.simulation.trajectory import Outcome
 from jaxsat.store.chunks import DONE
-from jaxsat.store.labels import SETTLED, UNSETTLED
-from jaxsat.studies.columns import DRAWN, ERRORS, REQUIREMENT, REQUIREMENTS, UNMADE
+from jaxsat.store.labels import ATTITUDE_SENSOR, SETTLED, UNSETTLED, components
+from jaxsat.studies.columns import DRAWN, ERRORS, REJECTIONS, REQUIREMENT, REQUIREMENTS, UNMADE
 from jaxsat.studies.recovery_summary import RecoverySummary, summarise_recovery
 from jaxsat.studies.sensitivities import Sensitivities, Sensitivity
 from jaxsat.studies.statistics import Interval, percentile, wilson
@@ -33,6 +33,18 @@ class RequirementSummary(NamedTuple):
     time: float
 
 
+class SensorSummary(NamedTuple):
+    """What the filters of a study did with one attitude sensor.
+
+    Of the completed cases, `rejected` is the number of readings that they rejected in all together,
+    and `excluded` the fraction in which they excluded the sensor.
+    """
+
+    name: str
+    rejected: int
+    excluded: Interval
+
+
 class Summary(NamedTuple):
     """Results of a study.
 
@@ -45,7 +57,8 @@ class Summary(NamedTuple):
     %, those of independent draws, and open (infinite) for too few cases; those of a ranking hold
     together. `recovery` is None without failures in flight. `rate_error` (rad/s) and
     `attitude_error` (rad) are the largest estimates of the integration error, None without any.
-    `requirements` are those that could be evaluated.
+    `requirements` are those that could be evaluated. `sensors` are the attitude sensors of filters
+    that test innovations.
     """
 
     cases: int
@@ -61,6 +74,7 @@ class Summary(NamedTuple):
     rate_error: float | None = None
     attitude_error: float | None = None
     requirements: Sequence[RequirementSummary] = ()
+    sensors: Sequence[SensorSummary] = ()
 
     @property
     def ranking(self) -> list[Sensitivity]:
@@ -106,6 +120,7 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
         rate_error=errors["rate_error"],
         attitude_error=errors["attitude_error"],
         requirements=summarise_requirements(dataset, numbers),
+        sensors=_of_sensors(dataset, numbers),
         actuators={
             name: _percentiles(_of_all(column(name)[success], signal.total))
             for name, (signal, _) in STUDIED.items()
@@ -122,10 +137,8 @@ def summarise_requirements(
     if not set(REQUIREMENTS) <= set(dataset):
         return ()
     margins, by, at = (np.asarray(dataset[name])[numbers] for name in REQUIREMENTS)
-    of_store = getattr(dataset["requirement_margin"], "labels", None)
-    names = dataset[REQUIREMENT] if of_store is None else of_store(REQUIREMENT)
     summaries = []
-    for column, name in enumerate(np.asarray(names)):
+    for column, name in enumerate(_labels(dataset, "requirement_margin", REQUIREMENT)):
         worst = int(np.argmin(np.nan_to_num(margins[:, column], nan=-np.inf)))
         summaries.append(
             RequirementSummary(
@@ -138,6 +151,28 @@ def summarise_requirements(
             )
         )
     return tuple(summaries)
+
+
+def _of_sensors(dataset: Mapping[Any, Any], numbers: np.ndarray) -> tuple[SensorSummary, ...]:
+    """What the filters did with each attitude sensor, by the completed ones of these cases."""
+    if not set(REJECTIONS) <= set(dataset):
+        return ()
+    both = np.stack([np.asarray(dataset[name])[numbers] for name in REJECTIONS])
+    rejected, excluded = both[:, np.isfinite(both).all(axis=(0, 2))]
+    names = _labels(dataset, "rejected_readings", ATTITUDE_SENSOR)
+    return tuple(
+        SensorSummary(str(name), int(count.sum()), wilson(int((times > 0).sum()), len(times)))
+        for name, count, times in zip(names, rejected.T, excluded.T, strict=True)
+        if len(times)
+    )
+
+
+def _labels(dataset: Mapping[Any, Any], name: str, axis: str) -> np.ndarray:
+    """The labels of the second axis of a column, numbers in plain columns."""
+    of_store = getattr(dataset[name], "labels", None)
+    if of_store is None and axis not in dataset:
+        return np.asarray(components(axis, dataset[name].shape[1]))
+    return np.asarray(dataset[axis] if of_store is None else of_store(axis))
 
 
 def _of_all(values: np.ndarray, total: bool) -> np.ndarray:

@@ -249,9 +249,19 @@ def test_the_test_program_notices_one_changed_bit(tmp_path, filtered):
     assert re.search(r" 1 numbers? differ", done.stdout)
 
 
+TESTED = [
+    "estimator.false_alarm_probability=1e-3",
+    "estimator.patience=2",
+    "estimator.probation=3",
+    'failure=[{of="star_tracker",at_s=5,kind="spiking",spike_rad=0.1,spike_probability=0.4}]',
+]
+"""A test of innovations that excludes the star tracker and uses it again, many times over."""
+
+
 @needs("gcc")
 @pytest.mark.slow
-def test_estimator_and_modulation_agree_to_the_bit(tmp_path):
+@pytest.mark.parametrize("more", [[], TESTED], ids=["untested", "tested"])
+def test_estimator_and_modulation_agree_to_the_bit(tmp_path, more):
     scenario = load(
         "switching",
         [
@@ -259,6 +269,7 @@ def test_estimator_and_modulation_agree_to_the_bit(tmp_path):
             "star_tracker.across_rad=2.4e-5",
             "star_tracker.along_rad=1.2e-4",
             "star_tracker.latency_s=0.2",
+            *more,
         ],
     )
     run = build(scenario)

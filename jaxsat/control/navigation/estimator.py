@@ -146,6 +146,10 @@ class AbstractEstimator(eqx.Module):
     ) -> tuple[Estimate, PyTree]:
         """The estimate at a sample of the run, and the memory; samples are `period` s apart."""
 
+    def counts(self, memory: PyTree) -> dict[str, Float[Array, " sensors"]]:
+        """What a memory has counted of each attitude sensor, by its column of a study."""
+        return {}
+
 
 class RawMeasurements(AbstractEstimator):
     """No estimator: the measured rate, and the last attitude of the star tracker."""

@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from jaxsat.core.array_types import BoolScalar, RealScalar
 from jaxsat.core.checks import as_float, require_counts
+from jaxsat.core.declaration.sensors import PATIENCE, PROBATION
 from jaxsat.core.errors import ArgumentError
 
 ATTITUDE_DEGREES, VECTOR_DEGREES = 3, 2
@@ -18,11 +19,18 @@ measured."""
 
 
 class InnovationRecord(NamedTuple):
-    """What the test knows of each of m sensors: how many of its last readings were rejected in a
-    row, and the `innovation` of the last one over the threshold."""
+    """What the test knows of each of m sensors.
 
-    rejected: Float[Array, " m"]
+    `streak` counts its last readings that were rejected in a row, up to `patience`; of an excluded
+    sensor also those since then that agreed in a row. `innovation` is that of the last reading over
+    the threshold. `rejections` are the readings that did not agree while it was used, and
+    `exclusions` how often it was excluded, both since the start.
+    """
+
+    streak: Float[Array, " m"]
     innovation: Float[Array, " m"]
+    rejections: Float[Array, " m"]
+    exclusions: Float[Array, " m"]
 
 
 class InnovationTest(eqx.Module):
@@ -31,32 +39,39 @@ class InnovationTest(eqx.Module):
     A good reading is rejected with the false-alarm probability, for which `attitude_threshold` and
     `vector_threshold` are the thresholds of attitudes and vectors (Bar-Shalom, Li and Kirubarajan,
     Estimation with Applications to Tracking and Navigation, 2001, section 5.4). A sensor of which
-    `patience` readings in a row are rejected is excluded for good.
+    `patience` readings in a row are rejected is excluded: its readings are tested, not used. After
+    `probation` readings in a row that pass it is used again.
 
-    Raises `ArgumentError` for a probability that is not between 0 and 1 or a `patience` below 1.
+    Raises `ArgumentError` for a probability that is not between 0 and 1, and for a `patience` or a
+    `probation` below 1.
     """
 
     attitude_threshold: RealScalar
     vector_threshold: RealScalar
     patience: int = eqx.field(static=True)
+    probation: int = eqx.field(static=True)
 
-    def __init__(self, false_alarm_probability: float, patience: int):
+    def __init__(
+        self,
+        false_alarm_probability: float,
+        patience: int = PATIENCE,
+        probation: int = PROBATION,
+    ):
         if not 0 < false_alarm_probability < 1:
             rule = "must be between 0 and 1"
             raise ArgumentError("false_alarm_probability", rule, false_alarm_probability)
-        require_counts(patience=patience)
+        require_counts(patience=patience, probation=probation)
         self.attitude_threshold = as_float(threshold(false_alarm_probability, ATTITUDE_DEGREES))
         self.vector_threshold = as_float(threshold(false_alarm_probability, VECTOR_DEGREES))
-        self.patience = patience
+        self.patience, self.probation = patience, probation
 
     def init(self, sensors: int, like: Array) -> InnovationRecord:
         """Return the record of so many sensors before their first readings, in `like`'s type."""
-        zeros = jnp.zeros(sensors, like.dtype)
-        return InnovationRecord(zeros, zeros)
+        return InnovationRecord(*[jnp.zeros(sensors, like.dtype)] * 4)
 
     def excluded(self, record: InnovationRecord) -> Float[Array, " m"]:
         """Return 1 for each sensor that is excluded, 0 for the others."""
-        return jnp.where(record.rejected >= self.patience, 1.0, 0.0)
+        return jnp.where(record.streak >= self.patience, 1.0, 0.0)
 
     def judged(
         self,
@@ -70,15 +85,18 @@ class InnovationTest(eqx.Module):
 
         `square` is its νᵀS⁻¹ν, to be at most `limit`; there is no reading where it is not `seen`.
         """
-        count = record.rejected[sensor]
-        present = count < self.patience
-        good = square <= limit
-        rejected = jnp.where(seen & present, jnp.where(good, 0.0, count + 1), count)
-        innovation = jnp.where(seen, square / limit, record.innovation[sensor])
-        mine = jnp.arange(record.rejected.shape[0]) == sensor
+        before = record.streak[sensor]
+        present, good = before < self.patience, square <= limit
+        streak = jnp.where(good == present, jnp.where(present, 0.0, self.patience), before + 1)
+        streak = jnp.where(streak >= self.patience + self.probation, 0.0, streak)
+        mine = (jnp.arange(record.streak.shape[0]) == sensor) & seen
+        rejected = jnp.where(present & ~good, 1.0, 0.0)
+        begins = jnp.where(present & (streak >= self.patience), 1.0, 0.0)
         return seen & present & good, InnovationRecord(
-            jnp.where(mine, rejected, record.rejected),
-            jnp.where(mine, innovation, record.innovation),
+            jnp.where(mine, streak, record.streak),
+            jnp.where(mine, square / limit, record.innovation),
+            jnp.where(mine, record.rejections + rejected, record.rejections),
+            jnp.where(mine, record.exclusions + begins, record.exclusions),
         )
 
 

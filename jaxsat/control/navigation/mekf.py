@@ -124,6 +124,13 @@ class MultiplicativeFilter(AbstractEstimator):
             estimate = estimate._replace(innovation=record.innovation, excluded=excluded)
         return estimate, KalmanMemory(belief, rates[1:], record)
 
+    def counts(self, memory: KalmanMemory) -> dict[str, Float[Array, " sensors"]]:
+        """Rejected readings and exclusions of each attitude sensor; none without a test."""
+        record = memory.record
+        if record is None:
+            return {}
+        return {"rejected_readings": record.rejections, "sensor_exclusions": record.exclusions}
+
     def moved(
         self, belief: Belief, begin: Vector, end: Vector, length: RealScalar, period: RealScalar
     ) -> Belief:

@@ -54,6 +54,12 @@ DELAY = number(
     default=0.0,
 )
 
+PATIENCE = 5
+"""Default number of readings in a row that are rejected before a sensor is excluded."""
+
+PROBATION = 100
+"""Default number of readings in a row that agree before an excluded sensor is used again."""
+
 HOLD_SAMPLES = 10
 """Default number of samples with invalid measurements for which commands are held."""
 

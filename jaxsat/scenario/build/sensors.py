@@ -11,12 +11,12 @@ from jaxsat.control.navigation.mekf import MultiplicativeFilter
 from jaxsat.control.navigation.navigation import Navigation
 from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float
-from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS, SENSORS
+from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS, PATIENCE, PROBATION, SENSORS
 from jaxsat.core.noise import key_of_seed
 from jaxsat.scenario.build.plant import orbit_of, orbit_rate, sensor_context
 from jaxsat.scenario.build.plugin_trial import made_part, require_estimates
 from jaxsat.scenario.derived import has_invalid_momenta
-from jaxsat.scenario.parts.sensors import PATIENCE, EstimatorTable, OwnEstimatorTable, SamplingTable
+from jaxsat.scenario.parts.sensors import EstimatorTable, OwnEstimatorTable, SamplingTable
 from jaxsat.scenario.plugins import ESTIMATOR, find_part
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft.environment.orbit import AbstractOrbit
@@ -120,4 +120,6 @@ def _estimator(
 def _test(table: Any) -> InnovationTest | None:
     """The test of innovations that a table `[estimator]` asks for; None without."""
     probability = table.false_alarm_probability
-    return None if probability is None else InnovationTest(probability, table.patience or PATIENCE)
+    if probability is None:
+        return None
+    return InnovationTest(probability, table.patience or PATIENCE, table.probation or PROBATION)

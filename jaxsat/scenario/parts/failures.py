@@ -18,7 +18,7 @@ from jaxsat.scenario.quantities import (
     table_with,
 )
 from jaxsat.scenario.rules import STEPS, at, key_of_fixed_steps, rule, rule_over
-from jaxsat.scenario.wording import shown
+from jaxsat.scenario.wording import shown, suggestion
 
 _IDEAL = "thruster of thruster_torque_axes"
 _BY_NAME = {one.name: one for one in ACTUATORS}
@@ -83,10 +83,12 @@ def _failures_have_something_to_strike(values):
     sensors = [name for name in _SENSORS if any(key.startswith(f"{name}.") for key in values)]
     for number, one in enumerate(values["failure"]):
         if one.of not in sensors and number_of(one.of, one.part, tables.get(one.part, ())) is None:
-            names = [f'"{name} {which}"' for name, all in tables.items() for which in names_of(all)]
-            names = [f'"{name}"' for name in sensors] + names
-            few = f"one of {', '.join(names[:6])}" if names else "an actuator or a sensor"
-            yield Issue(("failure", number, "of"), f"must name {few}, got {shown(one.of)}")
+            names = [f"{name} {which}" for name, all in tables.items() for which in names_of(all)]
+            names = [*sensors, *names]
+            few = ", ".join(f'"{name}"' for name in names[:6])
+            few = f"one of {few}" if names else "an actuator or a sensor"
+            hint = "" if one.of[-1:].isdigit() else suggestion(one.of, names)
+            yield Issue(("failure", number, "of"), f"must name {few}, got {shown(one.of)}{hint}")
 
 
 @rule("failure")
@@ -155,8 +157,10 @@ def _stuck_torques_have_a_size(failures, limit, thrusters):
 
 @rule("failure", "actuators.kind")
 def _failures_are_those_of_jaxsats_own_actuators(failures, kind):
-    if failures:
-        yield Issue(("failure",), f"must not be given with actuators.kind = {shown(kind)}")
+    for number, one in enumerate(failures):
+        if not one.of_sensor:
+            message = f"must be a sensor with actuators.kind = {shown(kind)}, got {shown(one.of)}"
+            yield Issue(("failure", number, "of"), message)
 
 
 @rule_over("failure", "control.law", *STEPS)

@@ -18,6 +18,8 @@ from jaxsat.core.declaration.sensors import (
     ATTITUDE_SENSORS,
     DELAY,
     HOLD_SAMPLES,
+    PATIENCE,
+    PROBATION,
     SENSORS,
     WHITE_NOISE,
     SensorDeclaration,
@@ -70,9 +72,6 @@ FALSE_ALARM_PROBABILITY = number(
     default=None,
 )
 
-PATIENCE = 5
-"""Default number of readings in a row that are rejected before a sensor is excluded."""
-
 
 class SamplingTable(table_with(fields_of((*WHITE_NOISE.keys, DELAY)))):
     """`[sampling]`: noise and delay between a sampled law and the plant."""
@@ -106,8 +105,14 @@ class EstimatorTable(table_with(fields_of([ATTITUDE_SIGMA, FALSE_ALARM_PROBABILI
         ESTIMATOR_KIND.default,
     )
     patience: Annotated[Whole, Ge(1), Le(MAX_PERIODS)] | None = quantity(
-        "Readings of a sensor in a row that the filter rejects before it excludes the sensor for "
-        f"good; {PATIENCE} by default",
+        "Readings of a sensor in a row that the filter rejects before it excludes the sensor; "
+        f"{PATIENCE} by default",
+        "1",
+        None,
+    )
+    probation: Annotated[Whole, Ge(1), Le(MAX_PERIODS)] | None = quantity(
+        "Readings of an excluded sensor in a row that pass the test before the filter uses it "
+        f"again; {PROBATION} by default",
         "1",
         None,
     )
@@ -173,14 +178,20 @@ def _a_law_without_estimator_has_a_tracker(tracker, limit, kind):
         yield at("estimator.kind", 'must be "mekf" without [star_tracker], got "none"')
 
 
-@rule("estimator.kind", "estimator.false_alarm_probability", "estimator.patience")
-def _the_filter_alone_tests_innovations(kind, probability, patience):
+@rule(
+    "estimator.kind",
+    "estimator.false_alarm_probability",
+    "estimator.patience",
+    "estimator.probation",
+)
+def _the_filter_alone_tests_innovations(kind, probability, patience, probation):
     if kind != "mekf" and probability is not None:
         message = f'must be left out with kind "{kind}", got {shown(probability)}'
         yield at("estimator.false_alarm_probability", message)
-    if probability is None and patience is not None:
-        message = f"must be left out without false_alarm_probability, got {shown(patience)}"
-        yield at("estimator.patience", message)
+    for key, count in (("patience", patience), ("probation", probation)):
+        if probability is None and count is not None:
+            message = f"must be left out without false_alarm_probability, got {shown(count)}"
+            yield at(f"estimator.{key}", message)
 
 
 @rule_over("orbit.rate_rad_s")

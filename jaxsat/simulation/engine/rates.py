@@ -31,11 +31,13 @@ def plant_state(loop: AbstractLoop, t: float | RealScalar, state: PyTree) -> Pla
 
 
 def consumption(loop: AbstractLoop, state: PyTree) -> dict[str, Array]:
-    """Consumption of the effectors up to a state of the loop, by the names of their signals."""
+    """Consumption of the effectors up to a state of the loop, by the names of their signals, and
+    what its estimator has counted."""
     if not isinstance(loop, SampledLoop):
         return {}
     parts = zip(loop.plant.effectors, state.effectors, strict=True)
-    return {name: x for one, own in parts for name, x in one.consumption(own).items()}
+    used = {name: x for one, own in parts for name, x in one.consumption(own).items()}
+    return used | loop.counts(state)
 
 
 def augmented_rate(program: Program, loop: AbstractContinuousLoop):

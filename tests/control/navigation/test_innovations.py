@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from scipy.stats import binom, chi2, ncx2
+from scipy.stats import binom, chi2, ncx2, norm
 
 from control.navigation.motion import ORBIT_RATE, inertial, motion, orbit_frame
 from control.navigation.test_filter import (
@@ -49,22 +49,38 @@ def test_what_is_no_probability_or_patience_is_refused():
             InnovationTest(probability, 5)
     with pytest.raises(ArgumentError, match="patience"):
         InnovationTest(0.01, 0)
+    with pytest.raises(ArgumentError, match="probation"):
+        InnovationTest(0.01, 1, 0)
 
 
 class StrictOracle(Oracle):
     """Leaves out what has a normalised squared innovation above the quantile of χ².
 
-    `squares` are the last ones of each sensor over the quantile, `counts` the readings left out in
-    a row; a sensor is told by the deviation of its vectors, the tracker by None.
+    `squares` are the last ones of each sensor over the quantile, `history` tells whether each of
+    its readings was good; a sensor is told by the deviation of its vectors, the tracker by None.
     """
 
-    def __init__(self, *arguments, probability, patience):
+    def __init__(self, *arguments, probability, patience, probation):
         super().__init__(*arguments)
-        self.probability, self.patience = probability, patience
+        self.probability, self.patience, self.probation = probability, patience, probation
 
     def run(self, rates, attitudes):
-        self.squares, self.counts = {}, {}
+        self.squares, self.history = {}, {}
         return super().run(rates, attitudes)
+
+    def told(self, sensor):
+        """Whether a sensor is excluded, its rejected readings, and how often it was excluded, from
+        the list of all its readings."""
+        excluded, rejected, times, begin = False, 0, 0, 0
+        readings = self.history.get(sensor, [])
+        for end, good in enumerate(readings, 1):
+            rejected += not (excluded or good)
+            count = self.probation if excluded else self.patience
+            last = readings[max(begin, end - count) : end]
+            if len(last) == count and all(one == excluded for one in last):
+                excluded, begin = not excluded, end
+                times += excluded
+        return excluded, rejected, times
 
     def after_attitude(self, state, measured):
         self.now = (None, 3)
@@ -81,21 +97,21 @@ class StrictOracle(Oracle):
         square = innovation @ np.linalg.inv(matrix) @ innovation
         limit = chi2.isf(self.probability, degrees)
         self.squares[sensor] = square / limit
-        count = self.counts.setdefault(sensor, 0)
-        if count >= self.patience:
-            return state
-        self.counts[sensor] = count + 1 if square > limit else 0
-        return state if square > limit else super().updated(state, error, rows, noise)
+        excluded = self.told(sensor)[0]
+        self.history.setdefault(sensor, []).append(square <= limit)
+        unused = excluded or square > limit
+        return state if unused else super().updated(state, error, rows, noise)
 
 
 @pytest.mark.parametrize("latency", [2, pytest.param(0, marks=pytest.mark.slow)])
 def test_the_filter_leaves_out_what_one_in_scipy_does(latency):
-    """A tracker that is off from the first, single wrong fields, and noise that a high probability
-    of a false alarm leaves out now and then."""
-    moving, rates, told = simulated(31)
+    """A tracker that is off from the first for a while, single wrong fields, and noise that a high
+    probability of a false alarm leaves out now and then. The tracker is excluded, and returns."""
+    count = 46
+    moving, rates, told = simulated(count)
     generator, seen_by = np.random.default_rng(8), tracker(every=3)
     vectors = (magnetometer(latency=latency), sun_sensor(every=3))
-    test = InnovationTest(0.2, 2)
+    test = InnovationTest(0.2, 2, 3)
     estimator = dataclasses.replace(filter_of(vectors, seen_by), test=test)
     start = Quaternion(moving.quaternion[0]).turned(jnp.array([0.01, -0.02, 0.005]))
     times = PERIOD * np.arange(len(rates))
@@ -104,6 +120,7 @@ def test_the_filter_leaves_out_what_one_in_scipy_does(latency):
         *(inertial(np.asarray(start.q), times[0]), 0.02, BIAS),
         probability=0.2,
         patience=2,
+        probation=3,
     )
     sensors = (None, *(float(one.noise) for one in vectors))
     memory: Any = estimator.init(start, jnp.array(0.02))
@@ -112,7 +129,8 @@ def test_the_filter_leaves_out_what_one_in_scipy_does(latency):
     excluded: list[bool] = []
     for number in range(len(rates)):
         origin, arrived = max(number - latency, 0), number >= latency
-        off = Rotation.from_rotvec((0.3 if origin > 9 else 1e-4) * generator.normal(size=3))
+        size = 0.3 if 9 < origin < 20 else 3e-5
+        off = Rotation.from_rotvec(size * generator.normal(size=3))
         turned = Rotation.from_quat(np.roll(moving.quaternion[origin], -1)) * off
         attitude = np.roll(turned.as_quat(), 1)
         seen = arrived and origin % 3 == 0
@@ -141,11 +159,16 @@ def test_the_filter_leaves_out_what_one_in_scipy_does(latency):
         np.testing.assert_allclose(estimate.attitude_sigma, deviations[:3], rtol=1e-7)
         squares = [oracle.squares.get(one, 0.0) for one in sensors]
         np.testing.assert_allclose(estimate.innovation, squares, rtol=1e-6, atol=1e-12)
-        excluded = [oracle.counts.get(one, 0) >= 2 for one in sensors]
-        np.testing.assert_array_equal(np.asarray(estimate.excluded) == 1, excluded)
+        states = np.array([oracle.told(one) for one in sensors])
+        np.testing.assert_array_equal(estimate.excluded, states[:, 0])
+        counts = estimator.counts(memory)
+        np.testing.assert_array_equal(counts["rejected_readings"], states[:, 1])
+        np.testing.assert_array_equal(counts["sensor_exclusions"], states[:, 2])
+        excluded.append(bool(states[0, 0]))
         left_out |= {place for place, square in enumerate(squares) if square > 1}
     assert left_out == {0, 1, 2}
-    assert excluded[0]
+    assert np.count_nonzero(np.diff(excluded)) == 2  # once, and then used again
+    assert not excluded[-1]
 
 
 def failures(kind, at, number=0, drift=(0, 0, 0), size=0.0, quantile=0.0):
@@ -171,13 +194,16 @@ def _flown(navigation, keys, moving):
     return jax.vmap(one)(keys)
 
 
-def flown(cases, failing=None, probability: float | None = 1e-4, patience=3, first=0):
+def flown(
+    cases, failing=None, probability: float | None = 1e-4, patience=3, first=0, probation=100
+):
     """The motion, and estimates, beliefs and true biases of runs with three sensors."""
     moving, seen_by = motion(PERIOD, 601), tracker()
     vectors = (magnetometer(every=2), sun_sensor(every=3))
     estimator = filter_of(vectors, seen_by)
     if probability is not None:
-        estimator = dataclasses.replace(estimator, test=InnovationTest(probability, patience))
+        test = InnovationTest(probability, patience, probation)
+        estimator = dataclasses.replace(estimator, test=test)
     navigation = Navigation(GYRO, seen_by, estimator, 0.01, (0, 0), *vectors, None, failing)
     numbers = first + jnp.arange(cases, dtype=jnp.uint32)
     keys = jnp.stack([numbers, jnp.full(cases, 7, jnp.uint32)], 1)
@@ -246,6 +272,45 @@ def test_errors_are_as_large_as_claimed_whatever_fails(name):
         np.testing.assert_array_equal(
             excluded[:, 600], np.tile(expected.get(name, [0, 0, 0]), (300, 1))
         )
+
+
+@pytest.mark.slow
+def test_a_sensor_returns_after_a_passing_fault_and_errors_stay_as_large_as_claimed():
+    """The tracker is stuck from 20 s to 30 s; with readings twice a second it returns at 40 s."""
+    kinds = [SensorFailureKind.STUCK, SensorFailureKind.DRIFTING]
+    none = [0, 0]
+    passing = SensorFailures(
+        none, [20.0, 30.0], kinds, none, [(0, 0, 0)] * 2, none, ExactOrbit(ORBIT_RATE)
+    )
+    moving, estimate, belief, biases = flown(300, passing, probation=20)
+    for number in (205, 300, 395, 405, 600):
+        squares = normalised_squares(moving, belief, biases, number)
+        assert within_band(squares, 6), (number, squares.mean())
+    excluded = np.asarray(estimate.excluded)
+    assert excluded[:, 215:395, 0].all()
+    returned = 1 - excluded[:, 600, 0]
+    assert returned.sum() >= binom.ppf(0.5e-4, 300, (1 - 1e-4) ** 20)
+    assert not excluded[:, 600, 1:].any()
+
+
+@pytest.mark.slow
+def test_a_sensor_that_fails_at_random_returns_with_the_probability_of_a_run_of_good_readings():
+    """Exclusions of a tracker of which three in ten readings are spikes, by a Markov chain."""
+    patience, probation, cases, first, spike = 3, 4, 300, 40, norm.sf(0.5)
+    _, estimate, *_ = flown(cases, KINDS["spiking"], 1e-6, patience, probation=probation)
+    excluded = np.asarray(estimate.excluded)[:, :: EVERY[0], 0]
+    readings = excluded.shape[1] - first
+    states = np.zeros((patience + probation, patience + probation))
+    for state in range(patience + probation):
+        good = 0 if state < patience else (state + 1) % (patience + probation)
+        bad = state + 1 if state < patience else patience
+        states[state, good] += 1 - spike
+        states[state, bad] += spike
+    chance = np.eye(patience + probation)[0]
+    for number in range(readings):
+        chance = chance @ states
+        low, high = binom.ppf([0.5e-5, 1 - 0.5e-5], cases, chance[patience:].sum())
+        assert low <= excluded[:, first + number].sum() <= high, number
 
 
 @pytest.mark.slow

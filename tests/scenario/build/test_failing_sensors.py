@@ -14,12 +14,16 @@ from jaxsat.core.declaration.sensor import SensorFailureKind
 from jaxsat.core.declaration.wheels import WHEEL
 from jaxsat.report.requirements import judgements
 from jaxsat.report.run_document import run_document
+from jaxsat.report.study_document import study_document
 from jaxsat.scenario import ScenarioError, dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.scenario.errors import ScenarioWarning
 from jaxsat.store.dataset import trajectory_dataset
+from jaxsat.store.tables import case_table, open_study
+from jaxsat.studies.run import run_study
+from jaxsat.studies.summary import summarise
 from jaxsat.synthesis.verification.conditions import with_failures
 
 ROOT = Path(__file__).parents[3]
@@ -95,6 +99,7 @@ def loaded(folder, text, changes=(), purpose: Any = None):
     ("text", "key", "message"),
     [
         (failure("star_trackr"), "failure.of", 'must name one of "star_tracker", "magnetometer", '),
+        (failure("star_trackr"), "failure.of", 'got "star_trackr", did you mean star_tracker?'),
         (failure("gyro"), "failure.of", 'must name one of "star_tracker", "magnetometer", '),
         (failure("horizon_sensor"), "failure.of", 'got "horizon_sensor"'),
         (failure(kind="stuk"), "failure.kind", "did you mean stuck?"),
@@ -129,6 +134,11 @@ def loaded(folder, text, changes=(), purpose: Any = None):
             "estimator.patience",
             "must be left out without false_alarm_probability, got 3",
         ),
+        (
+            "[estimator]\nprobation = 50\n",
+            "estimator.probation",
+            "must be left out without false_alarm_probability, got 50",
+        ),
     ],
 )
 def test_mistakes_are_told(tmp_path, text, key, message):
@@ -158,7 +168,7 @@ def test_cautions(tmp_path, text, message):
 def test_failures_are_numbered_among_the_sensors_that_there_are(tmp_path):
     text = (
         TEST
-        + "patience = 7\n"
+        + "patience = 7\nprobation = 30\n"
         + failure("sun_sensor", "drifting", 5, "drift_deg_s = [0, 0, 0.1]")
         + failure("star_tracker", "spiking", 9, "spike_deg = 2\nspike_probability = 0.5")
         + failure("wheel 1", "dead", 7)
@@ -177,7 +187,7 @@ def test_failures_are_numbered_among_the_sensors_that_there_are(tmp_path):
     estimator: Any = run.loop.navigation.estimator
     assert isinstance(estimator, MultiplicativeFilter)
     test: Any = estimator.test
-    assert test.patience == 7
+    assert (test.patience, test.probation) == (7, 30)
     assert build(loaded(tmp_path, "")).loop.navigation.failures is None  # pyright: ignore
     verified = with_failures(loaded(tmp_path, text + DRAWN), (WHEEL,))
     assert [one.of for one in verified.failure] == ["sun_sensor", "star_tracker", "wheel 1"]
@@ -252,3 +262,72 @@ def test_the_star_tracker_of_the_page_is_excluded_and_the_pointing_kept(tmp_path
     assert f"Star tracker excluded at {excluded:g} s." in sentences
     (requirement,) = judgements(dataset)
     assert requirement.margin > 0
+
+
+ACTUATORS = """
+import jax.numpy as jnp
+
+from jaxsat import AbstractSmoothActuators, PartDeclaration
+
+
+class Weak(AbstractSmoothActuators):
+    declaration = PartDeclaration(summary="actuators that make less", keys=())
+
+    @classmethod
+    def from_table(cls, values, context):
+        return cls()
+
+    def __call__(self, command):
+        return 0.9 * command
+"""
+
+
+def test_sensors_fail_beside_actuators_of_ones_own(tmp_path, monkeypatch):
+    """Their own failures are refused: jaxsat does not know how they fail."""
+    (tmp_path / "weak_actuators.py").write_text(ACTUATORS, encoding="utf-8")
+    base = BASE[: BASE.index("[[wheel]]")] + BASE[BASE.index("[initial]") :]
+    inertia = "inertia_kg_m2 = [0.30, 0.55, 0.62]\n"
+    torques = "thruster_torque_axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\ntorque_limit_N_m = 0.01\n"
+    base = base.replace(inertia, inertia + torques)
+    base += '[actuators]\nkind = "weak_actuators:Weak"\n'
+    path = tmp_path / "own.toml"
+    path.write_text(base + SENSORS + TEST + failure(), encoding="utf-8")
+    run: Any = build(load(path))
+    np.testing.assert_array_equal(run.loop.navigation.failures.at, [2])
+    path.write_text(base + SENSORS + TEST + failure() + failure("thruster 1", "dead"), "utf-8")
+    with pytest.raises(ScenarioError) as caught:
+        load(path)
+    (problem,) = caught.value.problems
+    assert problem.key == "failure.of"
+    told = 'must be a sensor with actuators.kind = "weak_actuators:Weak", got "thruster 1"'
+    assert told in problem.message
+
+
+@pytest.mark.slow
+def test_a_study_counts_rejections_and_exclusions(tmp_path):
+    """Of every case and sensor: in the store, the table of cases, and the summary."""
+    scenario = loaded(
+        tmp_path, TEST + failure() + DRAWN, ["simulation.duration_s=20"], purpose="study"
+    )
+    study = build_study(scenario, 3, engine="native")
+    run_study(study, tmp_path / "s.zarr")
+    found = open_study(tmp_path / "s.zarr")
+    assert list(found["attitude_sensor"].values) == ["star_tracker", "magnetometer", "sun_sensor"]
+    histories = study.engine.histories(study.program, study.cases(np.arange(3)))
+    last = np.asarray(histories.parts["sensor_excluded"])[:, -1]
+    np.testing.assert_array_equal(found["sensor_exclusions"], last)
+    np.testing.assert_array_equal(found["sensor_exclusions"][:, 0], [1, 1, 1])
+    np.testing.assert_array_equal(found["rejected_readings"][:, 0], [5, 5, 5])
+    diffrax = build_study(scenario, 3, engine="diffrax").evaluate(np.arange(3))
+    np.testing.assert_array_equal(found["rejected_readings"], diffrax.parts["rejected_readings"])
+    table = case_table(found)
+    assert list(table["sensor_exclusions_star_tracker"]) == [1, 1, 1]
+    plain: Any = {name: found[name].values for name in found.data_vars}
+    for columns in (found, plain):
+        blocks = study_document(summarise(columns), {}).blocks
+        sensors: Any
+        (sensors,) = [one for one in blocks if one.title == "Sensors of the attitude"]
+        name, rejected, fraction = sensors.rows[0]
+        assert name == ("star tracker" if columns is found else "1")
+        assert rejected == 15
+        assert fraction.text.startswith("100.00%")
