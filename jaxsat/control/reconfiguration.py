@@ -178,7 +178,7 @@ class Reconfiguration(eqx.Module):
         last = failed.shape[0] - 1 - jnp.argmax(failed[::-1])
         number = jnp.where(count > 0, self.number[jnp.argmax(failed), last], 0)
         in_table = (count <= MOST_FAILED) & (number >= 0)
-        number = jnp.where(in_table, number, 0)
+        number = jnp.where(count <= MOST_FAILED, jnp.maximum(number, 0), 0)
         return number, jnp.where(in_table, self.left[number], -1)
 
     def needed(self, failed: Bool[Array, " m"]) -> Bool[Array, " m"]:

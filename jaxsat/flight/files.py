@@ -129,7 +129,6 @@ def export(request: Request) -> Export:
         "run_controller.c": recording_program(program),
         "recorded_flight.csv": recording_text(program, recording),
         "controller_library.c": library_source(program, intro),
-        "prove_controller.c": prove_source(program, intro),
         "cortex_m.c": template("cortex_m.c"),
         "freertos_task.c": freertos_task(program),
         "trace.csv": trace_table(program, texts["controller.c"]),
@@ -143,6 +142,7 @@ def export(request: Request) -> Export:
     }
     plan = plan_table(loop.controller, single=program.single)
     texts |= plan_code(program, plan, intro) | plan_files(plan, intro)
+    texts["prove_controller.c"] = prove_source(program, intro, has_plan=bool(plan))
     files = {name: text.encode() for name, text in texts.items()}
     files["test_vectors.bin"] = vectors_file(samples)
     files["test_calls.bin"] = vectors_file(calls, MAGIC_OF_CALLS)
@@ -222,7 +222,7 @@ def freertos_task(program: FlightProgram) -> str:
     )
 
 
-def prove_source(program: FlightProgram, intro: Sequence[str]) -> str:
+def prove_source(program: FlightProgram, intro: Sequence[str], *, has_plan: bool) -> str:
     """Return prove_controller.c: calls with any numbers, for a proof of no run-time error.
 
     `make prove` has Frama-C's Eva analyse them. Eva assumes any value of its type for a global
@@ -239,12 +239,17 @@ def prove_source(program: FlightProgram, intro: Sequence[str]) -> str:
     inputs = [*any_truths("input", "in"), *(f"valid.{one.name}" for one in groups(program))]
     arguments = {"parameters": "p", "state": "state", "output": "out"}
     coast = "  case 1:\n    controller_coast(&p, &in, &state);\n    break;\n"
+    load = "    (void)controller_load_plan(&plan, (uint32_t)choice, &p);\n"
+    variables = f"static {real_type(program)} attitude[4];\n" * program.estimates
+    variables += "static controller_plan plan;\n" * has_plan
     text = template(
         "prove_controller.c",
-        VARIABLE=f"static {real_type(program)} attitude[4];\n" * program.estimates,
+        VARIABLE=variables,
         INPUT=statements(inputs),
         ARGUMENTS=statements([one for item in arguments.items() for one in any_truths(*item)]),
         ATTITUDE="attitude, " * program.estimates,
         COAST=coast * program.estimates,
+        INCLUDE='#include "controller_plan.h"\n' * has_plan,
+        PLAN=f"  case 5:\n{load}    break;\n" * has_plan,
     )
     return "\n".join([*intro, text])

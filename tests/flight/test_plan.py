@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import subprocess
 import zlib
 from pathlib import Path
@@ -182,3 +183,27 @@ def test_the_command_writes_a_plan_alone(tmp_path):
     assert {one.name for one in folder.iterdir()} >= {"plan.h", "plan.csv"}
     assert not (folder / "controller.c").exists()
     assert numbers_of(folder / "plan.csv")[0]["begin"] == [60.0]
+
+
+@needs("frama-c")
+@pytest.mark.slow
+def test_frama_c_finds_no_run_time_error_with_a_plan_and_one_that_is_put_in(made, tmp_path):
+    """Plans and parameters of many numbers are read to their ends, and not beyond."""
+    code, _ = made
+    write_files(tmp_path, code.files)
+    assert _alarms(tmp_path) == (0, [])
+    place = tmp_path / "controller_plan.c"
+    text = place.read_text()
+    loop = "for (uint32_t i = 0u; i < row->count; i++)"
+    assert text.count(loop) == 2
+    place.write_text(text.replace(loop, loop.replace("<", "<=")))
+    failed, lines = _alarms(tmp_path)
+    assert failed
+    assert all("controller_plan.c" in line for line in lines)
+    assert len(lines) == 2
+
+
+def _alarms(folder: Path) -> tuple[int, list[str]]:
+    """Whether `make prove` fails, and the lines of alarms."""
+    done = subprocess.run(["make", "prove"], cwd=folder, capture_output=True, text=True)
+    return done.returncode, re.findall(r"^\[eva:alarm\].*", done.stdout, re.MULTILINE)

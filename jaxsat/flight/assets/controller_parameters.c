@@ -63,17 +63,39 @@ static bool is_in_range(const @ROW@ *row, const uint8_t *place)
   return is_right;
 }
 
+static bool are_in_range(const @ROW@ *row, const uint8_t *bytes)
+{
+  bool are_right = true;
+
+  for (uint32_t i = 0u; i < row->count; i++) {
+    if (!is_in_range(row, &bytes[row->offset + (i * row->size)])) {
+      are_right = false;
+    }
+  }
+  return are_right;
+}
+
+static uint32_t with_elements(uint32_t sum, const @ROW@ *row, const uint8_t *bytes)
+{
+  uint32_t next = sum;
+
+  for (uint32_t i = 0u; i < row->count; i++) {
+    uint64_t bits = bits_of(&bytes[row->offset + (i * row->size)], row->size);
+    for (uint32_t place = 0u; place < row->size; place++) {
+      next = with_byte(next, (uint8_t)(bits & 0xFFu));
+      bits >>= 8;
+    }
+  }
+  return next;
+}
+
 int32_t @CHECK@(const @TABLE@ *p)
 {
-  const uint8_t *bytes = (const uint8_t *)p;
   int32_t wrong = 0;
 
   for (int32_t number = 0; (number < PARAMETERS) && (wrong == 0); number++) {
-    const @ROW@ *row = &rows[number];
-    for (uint32_t i = 0u; i < row->count; i++) {
-      if (!is_in_range(row, &bytes[row->offset + (i * row->size)])) {
-        wrong = number + 1;
-      }
+    if (!are_in_range(&rows[number], (const uint8_t *)p)) {
+      wrong = number + 1;
     }
   }
   return wrong;
@@ -81,18 +103,10 @@ int32_t @CHECK@(const @TABLE@ *p)
 
 uint32_t @CHECKSUM@(const @TABLE@ *p)
 {
-  const uint8_t *bytes = (const uint8_t *)p;
   uint32_t sum = 0xFFFFFFFFu;
 
   for (int32_t number = 0; number < PARAMETERS; number++) {
-    const @ROW@ *row = &rows[number];
-    for (uint32_t i = 0u; i < row->count; i++) {
-      uint64_t bits = bits_of(&bytes[row->offset + (i * row->size)], row->size);
-      for (uint32_t place = 0u; place < row->size; place++) {
-        sum = with_byte(sum, (uint8_t)(bits & 0xFFu));
-        bits >>= 8;
-      }
-    }
+    sum = with_elements(sum, &rows[number], (const uint8_t *)p);
   }
   return sum ^ 0xFFFFFFFFu;
 }

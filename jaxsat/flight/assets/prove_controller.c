@@ -1,6 +1,6 @@
 #include "controller_guard.h"
 #include "controller_parameters.h"
-
+@INCLUDE@
 static controller_parameters p;
 static controller_input in;
 static controller_state state;
@@ -37,7 +37,7 @@ int main(void)
     (void)controller_check_parameters(&p);
     (void)controller_parameter_checksum(&p);
     break;
-  default:
+@PLAN@  default:
     controller_step(&p, &in, &state, &out);
     break;
   }
