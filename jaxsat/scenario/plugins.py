@@ -22,6 +22,7 @@ from types import ModuleType
 from typing import Any
 
 from jaxsat.core.declaration import LawDeclaration, PartDeclaration
+from jaxsat.core.declaration.laws import LAW_GROUP
 from jaxsat.core.errors import JaxsatError, foreign_exceptions
 from jaxsat.core.once import holding, once
 
@@ -45,7 +46,7 @@ class PluginKind:
 
 LAW = PluginKind(
     "a law",
-    "jaxsat.laws",
+    LAW_GROUP,
     (
         "jaxsat.control.controller:AbstractController",
         "jaxsat.control.sampled:AbstractSampledController",

@@ -4,6 +4,7 @@ import hashlib
 import json
 import re
 import subprocess
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from jaxsat.compiler.c.naming import Names, comment, identifier
 from jaxsat.compiler.c.tidying import rolled
 from jaxsat.compiler.lowering import CannotLower, as_elements, lower
 from jaxsat.compiler.passes.outlining import outlined
+from jaxsat.core.declaration import laws as declared_laws
 from jaxsat.core.errors import LibraryError
 from jaxsat.core.jaxprs import jaxpr_of
 from jaxsat.flight import measure, vectors
@@ -371,6 +373,14 @@ class Grounded(Filtered):
 def test_a_law_without_flight_code_is_told_as_a_scenario_names_it():
     told = f"control.law: must be a law with flight code, got {__name__}:Grounded: it needs"
     with pytest.raises(CannotExport, match=told):
+        export(_request(Grounded(gain=[1.0, 1.0])))
+
+
+def test_a_packages_law_without_flight_code_is_told_by_its_name(monkeypatch):
+    own = EntryPoint("grounded", f"{__name__}:Grounded", "jaxsat.laws")
+    groups = {"jaxsat.laws": [own]}
+    monkeypatch.setattr(declared_laws, "entry_points", lambda group: groups[group])
+    with pytest.raises(CannotExport, match="with flight code, got grounded: it needs a computer"):
         export(_request(Grounded(gain=[1.0, 1.0])))
 
 

@@ -3,6 +3,7 @@
 import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib.metadata import entry_points
 from types import MappingProxyType
 from typing import Any
 
@@ -43,6 +44,9 @@ class Law:
             return self.controller.from_table
         return pkgutil.resolve_name(self.maker)
 
+
+LAW_GROUP = "jaxsat.laws"
+"""Group of entry points by which packages name their laws."""
 
 COAST = LawDeclaration(summary="no control", torques=0, has_model=False)
 
@@ -92,6 +96,11 @@ LAWS: Mapping[str, Law] = MappingProxyType(
 
 
 def value_of(controller: type) -> str:
-    """Return the value of `control.law` for laws of this class: "module:Class" for another's."""
+    """Return the value of `control.law` for laws of this class.
+
+    That is the name of jaxsat's own law or an installed package's, and "module:Class" for others.
+    """
     place = f"{controller.__module__}:{controller.__qualname__}"
-    return next((law.name for law in LAWS.values() if law.place == place), place)
+    names = {entry.value: entry.name for entry in entry_points(group=LAW_GROUP)}
+    names |= {law.place: law.name for law in LAWS.values()}
+    return names.get(place, place)
