@@ -241,7 +241,7 @@ def _between_failures(
         return integrate(t, hold._replace(pieces=each), plant, carry)
     edges = jnp.concatenate([one.edges(own, command, hold.length) for one, own, command in parts])
 
-    def part(_, now):
+    def part(now):
         begin, plant, carry = now
         end = jnp.min(jnp.where(edges > begin, edges, hold.length))
         one = hold.part(begin, end - begin)._replace(pieces=pieces(begin, (begin + end) / 2))
@@ -252,5 +252,9 @@ def _between_failures(
         )
         return end, PlantState(plant.attitude, plant.omega, states), carry
 
+    def one(number, now):  # derivatives by the length of a hold need a part also if that is zero
+        ahead = (number == 0) | (now[0] < hold.length)
+        return jax.lax.cond(ahead, part, lambda now: now, now)
+
     first = (jnp.zeros_like(hold.length), plant, carry)
-    return jax.lax.fori_loop(0, count + 1, part, first)[1:]
+    return jax.lax.fori_loop(0, count + 1, one, first)[1:]

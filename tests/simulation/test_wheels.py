@@ -12,6 +12,7 @@ from helpers.thruster_layouts import allocated, pairs, thruster_set
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
+from jaxsat.simulation.divided_holds import through_hold
 from jaxsat.simulation.engine.single import simulate
 from jaxsat.simulation.methods import fixed
 from jaxsat.simulation.sampled_loop import SampledLoop
@@ -20,6 +21,7 @@ from jaxsat.spacecraft.distribution import WheelsFirst
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment.disturbances import ConstantTorque
 from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.held_effector import Hold
 from jaxsat.spacecraft.modulation import IdealThrottle
 from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
 from jaxsat.spacecraft.spacecraft import Spacecraft
@@ -108,6 +110,24 @@ def test_wheels_come_to_rest_and_to_their_limits_at_their_true_instants(rotor, v
     # without a rotor inertia a wheel at rest, or at its limit and pushed on, makes no torque
     torque = np.asarray(found.torque) - np.asarray(found.parts["wheel_torque"]) @ AXES.T
     np.testing.assert_allclose(torque, 0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("torque", "length", "parts"), [(-0.1, 0.5, 1), (0.1, 0.5, 2), (0.1, 0.0, 1)]
+)
+def test_a_hold_is_integrated_once_between_two_edges(torque, length, parts):
+    """The torque accelerates the first wheel, or stops it after 0.01 / 0.12 s and turns it."""
+
+    def counted(t, part, plant, carry):
+        return plant, (carry[0] + 1, carry[1] + part.length)
+
+    plant = PlantState(start().attitude, OMEGA, (WheelMomenta([0.01, 0.1, 0.0]),))
+    commands, hold = (jnp.array([torque, 0.0, 0.0]),), Hold(jnp.array(0.0), jnp.array(length))
+    carry = (jnp.array(0), jnp.array(0.0))
+    _, (count, total) = through_hold(
+        body(None, None), commands, jnp.array(0.0), hold, plant, counted, carry
+    )
+    assert (count, total) == (parts, length)
 
 
 @pytest.mark.slow
