@@ -1,5 +1,7 @@
 """Torque and thrust of a sampled loop between saved times."""
 
+import dataclasses
+from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -8,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jaxsat.core.array_types import RealScalar, Vector
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.declaration.actuators import SIGNALS
 from jaxsat.simulation.assessment import stop_gradient
 from jaxsat.simulation.trajectory import Signals, TorqueRange
@@ -22,22 +24,16 @@ Numbers = Int[Array | np.ndarray, " times"]
 class HeldTorque(NamedTuple):
     """Torques of the holds so far (N m): bounds, ∫T dt (N m s), and total length (s)."""
 
-    least: Float[Array | np.ndarray, "3"]
-    largest: Float[Array | np.ndarray, "3"]
-    integral: Float[Array | np.ndarray, "3"]
-    length: Float[Array | np.ndarray, ""]
+    least: Vector
+    largest: Vector
+    integral: Vector
+    length: RealScalar
 
     @staticmethod
     def none(torque: Vector) -> "HeldTorque":
         """The record before the first hold."""
         zero = jnp.zeros_like(torque)
         return HeldTorque(zero + jnp.inf, zero - jnp.inf, zero, zero[0])
-
-    @staticmethod
-    def of_ranges(ranges: TorqueRange) -> "HeldTorque":
-        """The record of ranges from every sample to the next; periods are the unit of time."""
-        least, largest, mean = (x[:-1] for x in (ranges.least, ranges.largest, ranges.mean))
-        return HeldTorque(least, largest, mean, np.ones_like(mean[:, 0]))
 
     def with_hold(self, length: RealScalar, first: Vector, last: Vector) -> "HeldTorque":
         """The record with a hold of `length` s in which the torque went from `first` to `last`.
@@ -56,7 +52,7 @@ class HeldTorque(NamedTuple):
         """The range over all holds; without a hold the mean is NaN."""
         return TorqueRange(self.least, self.largest, self.integral / self.length)
 
-    def between(self, numbers: Numbers, last: Float[Array | np.ndarray, "3"]) -> TorqueRange:
+    def between(self, numbers: Numbers, last: Vector) -> TorqueRange:
         """The range from each of these samples to the next, then the `last` torque."""
         length = over_parts(np.add, self.length, numbers)
         parts = TorqueRange(
@@ -104,7 +100,7 @@ def saved(signals: Signals, numbers: Numbers, held: HeldTorque) -> Signals:
     """Select the samples of these ascending numbers, from the first to the last, from all samples.
 
     Signals that are declared as a `mean`, such as thrust levels, are averaged, and torques that
-    were `held` in each period give ranges, from each number to the next. NumPy input stays NumPy.
+    were `held` in each period give ranges, from each number to the next.
     """
     selection = jax.tree.map(lambda x: x[numbers], signals)
     ranges = held.between(numbers, stop_gradient(selection.torque[-1]))
@@ -114,8 +110,7 @@ def saved(signals: Signals, numbers: Numbers, held: HeldTorque) -> Signals:
     counts = numbers[1:] - numbers[:-1]
     means = {
         name: _with_last(over_parts(np.add, values[:-1], numbers) / counts[:, None], values[-1])
-        for name, values in signals.parts.items()
-        if name in SIGNALS and SIGNALS[name].mean
+        for name, values in _means(signals).items()
     }
     if not means:
         return selection
@@ -125,10 +120,31 @@ def saved(signals: Signals, numbers: Numbers, held: HeldTorque) -> Signals:
     )
 
 
-def over_parts(combine: np.ufunc, values: Array | np.ndarray, numbers: Numbers):
+def summed(seen: Signals, first: BoolScalar, sample: Callable[[], Signals]) -> Signals:
+    """The signals of the `first` sample of several; of those declared as a `mean`, the sums."""
+
+    def later():
+        parts = {name: seen.parts[name] + x for name, x in _means(sample()).items()}
+        return dataclasses.replace(seen, parts=seen.parts | parts)
+
+    return jax.lax.cond(first, sample, later)
+
+
+def averaged(seen: Signals | None, count: int | IntScalar) -> Signals | None:
+    """The signals with means over `count` samples in place of sums; None without signals."""
+    if seen is None:
+        return None
+    means = {name: x / jnp.asarray(count, x.dtype) for name, x in _means(seen).items()}
+    return dataclasses.replace(seen, parts=seen.parts | means)
+
+
+def _means(signals: Signals) -> dict[str, Array]:
+    names = [name for name in signals.parts if name in SIGNALS and SIGNALS[name].mean]
+    return {name: jnp.asarray(signals.parts[name]) for name in names}
+
+
+def over_parts(combine: np.ufunc, values: Array, numbers: Numbers) -> Array:
     """Sum, minimum or maximum of the values (samples) from each of these samples to the next."""
-    if isinstance(values, np.ndarray):
-        return combine.reduceat(values, numbers[:-1], axis=0)
     segment = {
         np.add: jax.ops.segment_sum,
         np.minimum: jax.ops.segment_min,
@@ -138,6 +154,5 @@ def over_parts(combine: np.ufunc, values: Array | np.ndarray, numbers: Numbers):
     return segment(values, part, num_segments=numbers.shape[0] - 1, indices_are_sorted=True)
 
 
-def _with_last(values: Array | np.ndarray, last: Array | np.ndarray):
-    xp = np if isinstance(values, np.ndarray) else jnp
-    return xp.concatenate([values, last[None]])
+def _with_last(values: Array, last: Array) -> Array:
+    return jnp.concatenate([values, last[None]])

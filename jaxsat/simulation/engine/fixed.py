@@ -41,7 +41,7 @@ from jaxsat.simulation.engine.runge_kutta import (
     tableau_of,
 )
 from jaxsat.simulation.engine.stepper import AbstractStepper, nan_where
-from jaxsat.simulation.held_torque import HeldTorque, Unmade
+from jaxsat.simulation.held_torque import HeldTorque, Unmade, averaged, summed
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.simulation.trajectory import Outcome
@@ -130,9 +130,9 @@ class SampledStepper(AbstractStepper):
     def advance(self, program, case, progress, first, count, axis_name=None):
         """The progress after `count` periods, with the torque range of these periods alone.
 
-        A detailed program keeps the signals at the begin of the first one, so that a sample is
-        compiled once and not again for `signals`. For them, with a `count` of zero one period runs
-        without further effect.
+        A detailed program keeps the signals at the begin of the first one, and the means of those
+        that are declared as a `mean`, so that a sample is compiled once and not again for
+        `signals`. For them, with a `count` of zero one period runs without further effect.
 
         In a batch the noise of sensors is drawn for `NOISE_BLOCK` samples at a time, which is
         faster than sample by sample. The numbers are the same.
@@ -143,7 +143,8 @@ class SampledStepper(AbstractStepper):
             count = jnp.maximum(count, 1)
         progress = progress._replace(held=HeldTorque.none(progress.state.plant.omega))
         if axis_name is None or not isinstance(sensors, Sensors):
-            return self._periods(program, loop, progress, first, count, sampled)
+            after = self._periods(program, loop, progress, first, count, sampled)
+            return after._replace(seen=averaged(after.seen, count))
 
         def block(number, progress):
             begin = first + number * NOISE_BLOCK
@@ -153,13 +154,14 @@ class SampledStepper(AbstractStepper):
             return self._periods(program, block_loop, progress, begin, samples, sampled)
 
         blocks = (count + NOISE_BLOCK - 1) // NOISE_BLOCK
-        return jax.lax.fori_loop(0, blocks, block, progress)
+        after = jax.lax.fori_loop(0, blocks, block, progress)
+        return after._replace(seen=averaged(after.seen, count))
 
     def _periods(
         self, program: Program, loop: SampledLoop, progress, first, count, sampled
     ) -> Progress:
         """The progress after `count` periods; a detailed program keeps the signals of the first of
-        those `sampled` (from one number to another), also if there is none."""
+        those `sampled` (from one number to another), also if there is none, and sums of means."""
         tableau, judge = tableau_of(self.solver), _judge(program, loop)
         alone = partial(_steps_alone, tableau)
         estimate = HalvedSteps(program, alone, loop.substeps, loop.plant, lambda t, plant: plant)
@@ -205,9 +207,9 @@ class SampledStepper(AbstractStepper):
                 program, progress, candidate, state, halved(checked), carry, t, wanted
             )
             if seen is not None:
-                here, ended = number == sampled[0], progress.code != int(Outcome.SUCCESS)
-                now = partial(nan_where, ended, signals)
-                after = after._replace(seen=jax.lax.cond(here, now, lambda: seen))
+                ended = progress.code != int(Outcome.SUCCESS)
+                now = summed(seen, number == sampled[0], partial(nan_where, ended, signals))
+                after = after._replace(seen=now)
             return halved(after)
 
         return restored(jax.lax.fori_loop(0, count, period, halved(progress)))

@@ -134,8 +134,9 @@ class Progress(NamedTuple):
     sampled loop since its last observation, None for other loops. `rest` tracks since when the
     inertial rate has been small, and `forced` counts the smallest steps taken in spite of their
     error, where steps are adaptive; both in a detailed program alone. `unmade` is for sampled loops
-    that give it. `seen` are the signals of a sampled loop at the begin of its last advance, in a
-    detailed program alone. `monitors` belong to the program's requirements.
+    that give it. `seen` are the signals of a sampled loop at the begin of its last advance (means
+    over it, of those so declared), in a detailed program alone. `monitors` belong to the program's
+    requirements.
     """
 
     state: PyTree

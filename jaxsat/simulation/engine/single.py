@@ -31,7 +31,7 @@ from jaxsat.simulation.engine.program import (
 from jaxsat.simulation.engine.progress import Outputs
 from jaxsat.simulation.engine.runge_kutta import require_explicit
 from jaxsat.simulation.engine.stepper import AbstractStepper
-from jaxsat.simulation.held_torque import HeldTorque, saved
+from jaxsat.simulation.held_torque import saved
 from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop
 from jaxsat.simulation.methods import AdaptiveSteps, Adjoint, Method, checkpoints, default_method
 from jaxsat.simulation.sampled_loop import SampledLoop
@@ -182,7 +182,6 @@ class _Flight(eqx.Module):
     case: list[Array]
     tables: list[Array]
     every: int = eqx.field(static=True)
-    pulsed: bool = eqx.field(static=True)
 
     @property
     def cases(self) -> PyTree:
@@ -204,14 +203,10 @@ class _Flight(eqx.Module):
     def fly(self, times: Float[Array, " times"]) -> tuple[Trajectory, int]:
         """The run, and the number of steps of the smallest length that miss the tolerance."""
         engine = NativeEngine(stepper=self.stepper, simd_lanes=1)
-        between = self.every if self.pulsed else 1  # samples averaged in pulse levels
-        instants = self.program.instants(self.every // between)
+        instants = self.program.instants(self.every)
         batch = engine.observed(self.program, self.cases, self.tables, instants)
         outputs, signals = jax.tree.map(lambda x: x[0], batch)
         forced = int(outputs.details.forced or 0)
-        if between > 1:
-            numbers = np.arange(0, self.program.intervals + 1, between)
-            signals = saved(signals, numbers, HeldTorque.of_ranges(signals.torque_range))
         with jax.debug_nans(False):  # NaN marks missing values, as of a failed actuator
             outputs, signals = jax.tree.map(lambda x: as_array(np.asarray(x)), (outputs, signals))
         return _trajectory(times, outputs, signals), forced
@@ -232,19 +227,15 @@ def _plan(
     if instants[0] != 0 or np.ptp(gaps) > 1e-9 * instants[-1]:
         return "the times to save are not even, from zero on"
     save_every = float(instants[-1]) / len(gaps)
-    every, pulsed = observations_per_save(save_every), False
+    every = observations_per_save(save_every)
     interval = save_every / every
     stepper = _stepper(loop, method, interval)
     if isinstance(stepper, str):
         return stepper
     if isinstance(loop, SampledLoop):
         interval, every = loop.controller.period, int(sample_numbers(loop, times)[1])
-        memories = eqx.filter_eval_shape(
-            lambda: [one.init_memory() for one in loop.plant.effectors]
-        )
-        pulsed = any(memory is not None for memory in memories)
     program, case = _program(loop, start, interval, every * len(gaps), tolerances)
-    flight = _Flight(program, stepper, *case, every, pulsed)
+    flight = _Flight(program, stepper, *case, every)
     obstacle = native_obstacle(stepper, program, flight.cases, flight.tables, lanes=1)
     return flight if obstacle is None else obstacle
 
