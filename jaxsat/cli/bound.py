@@ -111,8 +111,7 @@ def unsuitable(error: "UnsuitableScenario") -> UserMistake:
 
 def _write(path: Path, data: dict[str, Any], overwrite: bool) -> None:
     from jaxsat.store.files import save_file
-    from jaxsat.store.provenance import command_line, provenance
+    from jaxsat.store.provenance import record_of
 
-    record = {"command": command_line(), **data, **provenance()}
-    text = json.dumps(record, indent=1, allow_nan=False) + "\n"
+    text = json.dumps(record_of(data), indent=1, allow_nan=False) + "\n"
     save_file(path, text, overwrite=overwrite)

@@ -79,7 +79,7 @@ def front(
     use_double_precision()
     from jaxsat.report.front import front_document, write_front
     from jaxsat.store.folder import OutputFolder
-    from jaxsat.store.provenance import command_line, provenance
+    from jaxsat.store.provenance import record_of
     from jaxsat.synthesis.optima.run import end_data, tolerances_at
 
     out = output.out or Path("jaxsat-front")
@@ -88,7 +88,7 @@ def front(
         results = interruptibly(lambda: [_front(one, laws, guesses, end) for one in scenarios])
         meaning = end_data(end, tolerances_at(scenarios[0], end))
         fronts = [one.as_data() for one in results]
-        record = {"command": command_line(), **meaning, "fronts": fronts, **provenance()}
+        record = record_of({**meaning, "fronts": fronts})
         interruptibly(lambda: write_front(folder.write, scenarios[0].title, record))
     if not output.quiet:
         print_document(front_document(scenarios[0].title, record))

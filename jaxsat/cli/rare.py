@@ -94,7 +94,7 @@ def rare(
         ),
         OPTIONS,
     )
-    present(rare_event_document(plain_data(result.as_data())), target, results, report)
+    present(rare_event_document(plain_data(result)), target, results, report)
     return SUCCESS
 
 

@@ -70,7 +70,7 @@ def verify(
             **into,
         ),
     )
-    document = verification_document(plain_data(result.as_data()))
+    document = verification_document(plain_data(result))
     present(document, target, results, report)
     if result.verified:
         return SUCCESS

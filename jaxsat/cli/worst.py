@@ -60,5 +60,5 @@ def worst(
         ),
         OPTIONS,
     )
-    present(worst_case_document(plain_data(result.as_data())), target, results, report)
+    present(worst_case_document(plain_data(result)), target, results, report)
     return SUCCESS

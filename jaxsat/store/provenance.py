@@ -5,6 +5,7 @@ import importlib.metadata
 import platform
 import shlex
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,11 @@ def provenance() -> dict[str, Any]:
         "platform": platform.platform(),
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
+
+
+def record_of(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the record of a result: the command, its data, and `provenance`."""
+    return {"command": command_line(), **data, **provenance()}
 
 
 @once

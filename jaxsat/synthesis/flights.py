@@ -161,14 +161,19 @@ def listed_flights(folder: ResumableFolder) -> tuple[np.ndarray, np.ndarray]:
     return points, noise
 
 
-def study_of_requirements(
-    scenario: Scenario, execution: Execution, listener: Listener
-) -> tuple[Scenario, Study]:
-    """Return the scenario with steps as fine as it requires, and a study of it."""
+def require_tables(scenario: Scenario) -> None:
+    """Raise `MissingTable` for a scenario without requirements or dispersions."""
     if not scenario.requirement:
         raise MissingTable("[requirement]")
     if scenario.dispersion is None:
         raise MissingTable("dispersion")
+
+
+def study_of_requirements(
+    scenario: Scenario, execution: Execution, listener: Listener
+) -> tuple[Scenario, Study]:
+    """Return the scenario with steps as fine as it requires, and a study of it."""
+    require_tables(scenario)
     listener.progress("compiling", None)
     scenario, study = refined_study(scenario, PILOTS, listener.remark, engine=execution.engine)
     if study.remark is not None:

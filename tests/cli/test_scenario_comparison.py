@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxsat.report.document import Table
-from jaxsat.report.page.batches import comparison_section
+from jaxsat.report.page.batches import record_section
 from jaxsat.store.labels import named_store
 from jaxsat.store.tables import open_study
 
@@ -33,7 +33,7 @@ def test_the_same_failures_strike_under_every_law(command_line, tmp_path):
         assert row["recovered"]["all"]["cases"] == 4
     assert "quaternion-feedback: recovered" in out
     assert (tmp_path / "c" / "recovered.png").is_file()
-    section = comparison_section(tmp_path / "c")
+    section = record_section(tmp_path / "c")
     laws_table, prices, recovered = (block for block in section.blocks if isinstance(block, Table))
     assert [row[0] for row in laws_table.rows] == list(LAWS)
     assert [row[0] for row in prices.rows] == list(LAWS)

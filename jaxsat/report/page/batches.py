@@ -82,49 +82,40 @@ def tuning_section(folder: Path) -> Document:
     )
 
 
-def comparison_section(folder: Path) -> Document:
-    """Return the section of a comparison."""
-    record = read_record(folder / "comparison.json")
+def record_section(folder: Path) -> Document:
+    """Return the section of a folder whose document comes from its record alone."""
+    name, kind, document_of, charts_of = next(
+        one for one in OF_RECORDS if (folder / one[0]).is_file()
+    )
+    record = read_record(folder / name)
     with form_explained(folder):
-        document = comparison_document(record)
-    charts = Charts("Settling", _settled_by_law(folder, record["rows"]))
-    return _section("Comparison", folder, document, charts, record_provenance(record))
+        document, charts = document_of(record), charts_of(folder, record)
+    return _section(kind, folder, document, *charts, record_provenance(record))
 
 
-def verification_section(folder: Path) -> Document:
-    """Return the section of a verification."""
-    record = read_record(folder / "verification.json")
-    with form_explained(folder):
-        document = verification_document(record)
-    return _section("Verification", folder, document, record_provenance(record))
+def _levels(folder: Path, record: Mapping[str, Any]) -> list[Block]:
+    return [Charts("Levels and violations", list(map(chart_of, rare_event_plots(record))))]
 
 
-def rare_event_section(folder: Path) -> Document:
-    """Return the section of a rare event."""
-    record = read_record(folder / "rare-event.json")
-    with form_explained(folder):
-        document = rare_event_document(record)
-        charts = Charts("Levels and violations", list(map(chart_of, rare_event_plots(record))))
-    return _section("Rare event", folder, document, charts, record_provenance(record))
-
-
-def worst_case_section(folder: Path) -> Document:
-    """Return the section of a worst case."""
-    record = read_record(folder / "worst-case.json")
-    with form_explained(folder):
-        document = worst_case_document(record)
-    return _section("Worst case", folder, document, record_provenance(record))
-
-
-def _settled_by_law(folder: Path, rows: list[Mapping[str, Any]]) -> list[Chart]:
+def _settled_by_law(folder: Path, record: Mapping[str, Any]) -> list[Block]:
     times: dict[str, dict[str, np.ndarray]] = {}
-    for row in rows:
+    for row in record["rows"]:
         store = store_of_row(folder, row)
         if (store / "zarr.json").is_file():
             settling = np.asarray(study_columns(store)["settling_time"])
             times.setdefault(place_of(row), {})[row["law"]] = settling
     title = "{}: fraction settled by a time"
-    return [chart_of(settled_by_law(title.format(where), of)) for where, of in times.items()]
+    charts = [chart_of(settled_by_law(title.format(where), of)) for where, of in times.items()]
+    return [Charts("Settling", charts)]
+
+
+OF_RECORDS = (
+    ("comparison.json", "Comparison", comparison_document, _settled_by_law),
+    ("verification.json", "Verification", verification_document, lambda *_: []),
+    ("rare-event.json", "Rare event", rare_event_document, _levels),
+    ("worst-case.json", "Worst case", worst_case_document, lambda *_: []),
+)
+"""File, kind, document and charts of the results whose document comes from their record alone."""
 
 
 def reproduction_section(folder: Path) -> Document:

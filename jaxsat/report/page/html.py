@@ -153,11 +153,11 @@ MOST_TOGETHER = 6
 MADE_BY: Mapping[str, tuple[str, str]] = {
     "zarr.json": ("study", "study_section"),
     "verdict.json": ("batches", "tuning_section"),
-    "comparison.json": ("batches", "comparison_section"),
+    "comparison.json": ("batches", "record_section"),
     "design.json": ("batches", "design_section"),
-    "verification.json": ("batches", "verification_section"),
-    "rare-event.json": ("batches", "rare_event_section"),
-    "worst-case.json": ("batches", "worst_case_section"),
+    "verification.json": ("batches", "record_section"),
+    "rare-event.json": ("batches", "record_section"),
+    "worst-case.json": ("batches", "record_section"),
     "failures.nc": ("batches", "controllability_section"),
     "verdicts.md": ("batches", "reproduction_section"),
 }

@@ -13,7 +13,7 @@ from jaxsat.core.errors import JaxsatError
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build
 from jaxsat.store.labels import acceptance_store
-from jaxsat.store.provenance import command_line, provenance
+from jaxsat.store.provenance import record_of
 from jaxsat.store.resumable import ResumableFolder
 from jaxsat.store.tables import case_table, open_study
 from jaxsat.studies.ensemble import Study
@@ -241,8 +241,8 @@ def write_record(
     """Write the record with its provenance as JSON, and the figures; raises `OutputError`."""
     from jaxsat.report.saving import save_figures
 
-    record = {"command": command_line(), **data, **provenance()}
-    folder.write(RECORD, json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    text = json.dumps(record_of(data), indent=2, ensure_ascii=False, allow_nan=False)
+    folder.write(RECORD, text + "\n")
     save_figures(figures, folder.write)
 
 

@@ -14,7 +14,6 @@ from jaxsat.synthesis.controller_design.explanation import Remedy, Separation
 from jaxsat.synthesis.controller_design.request import ALL, QUICK, DesignSettings
 from jaxsat.synthesis.controller_design.tuning import Tuned
 from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict
-from jaxsat.synthesis.plain_data import plain_data
 
 DesignOutcome = Literal["reached", "not reached", "nothing to design"]
 
@@ -26,9 +25,8 @@ class Step(NamedTuple):
     verdict: ComparisonVerdict
 
     def as_data(self) -> dict[str, Any]:
-        """Convert the rows and the verdict to plain data."""
-        rows = [row.as_data() for row in self.rows]
-        return {"rows": rows, "taken": self.verdict.law, "reason": self.verdict.reason}
+        """Return the data of a record, see `plain_data`."""
+        return {"rows": self.rows, "taken": self.verdict.law, "reason": self.verdict.reason}
 
 
 @dataclass(frozen=True)
@@ -160,13 +158,13 @@ class ControllerDesign:
         return {key: getattr(self.chosen.scenario.control, key) for key in self.chosen.tunable}
 
     def as_data(self) -> dict[str, Any]:
-        """Convert everything but single cases to plain data."""
+        """Return the data of a record, see `plain_data`, without single cases."""
         return {
             "outcome": self.outcome,
             "proven": self.proven,
             "wanted": self.settings.settled,
             "settings": self.settings.identity() | {"cases": self.settings.cases},
-            "seeds": self.settings.seeds._asdict(),
+            "seeds": self.settings.seeds,
             "controllability": {
                 "verdict": self.verdict.judgement.verdict,
                 "laws": self.verdict.judgement.laws,
@@ -176,13 +174,13 @@ class ControllerDesign:
                 "misses_attitude": self.misses_attitude,
                 "lines": self.verdict.lines(),
             },
-            "assumed": list(self.assumed),
+            "assumed": self.assumed,
             "candidates": [one.name for one in self.candidates],
-            "left_out": list(self.left_out),
-            "cautions": list(self.cautions),
-            "screening": self.screening and self.screening.as_data(),
+            "left_out": self.left_out,
+            "cautions": self.cautions,
+            "screening": self.screening,
             "tuning": self.tuning_data(),
-            "validation": self.validation and self.validation.as_data(),
+            "validation": self.validation,
             "chosen": self.chosen and self.chosen.name,
             "gains": self.gains,
             "verification": self.verification and self._verification_data(self.verification),
@@ -206,7 +204,7 @@ class ControllerDesign:
             {f"{percent:g}": one for percent, one in of_percents.items()}
             for of_percents in (verification.summary.settling_time, verification.summary.effort)
         ]
-        record = {
+        return {
             "cases": verification.summary.cases,
             "settled": verification.settled,
             "settling_time_s": times[0],
@@ -217,7 +215,6 @@ class ControllerDesign:
             "remedies": verification.remedies,
             "limit": limit and {**limit._asdict(), "cause": self._cause(limit.change)},
         }
-        return plain_data(record)
 
     def _cause(self, change: str) -> str | None:
         if "error of the axes" not in change or not self.original.thruster:

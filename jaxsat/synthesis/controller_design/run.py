@@ -32,6 +32,7 @@ from jaxsat.synthesis.controller_design.steps import DesignRun
 from jaxsat.synthesis.controller_design.studies import Studies
 from jaxsat.synthesis.controller_design.tuning import TUNED_CASES
 from jaxsat.synthesis.execution import Execution, Listener, folder_of_call
+from jaxsat.synthesis.plain_data import plain_data
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,7 +44,7 @@ PAGE, RECORD = "design.md", "design.json"
 
 def design_record(design: ControllerDesign) -> dict[str, Any]:
     """Return the record of a design, from which its document is made."""
-    return {"title": design.original.title, "headline": design.headline, **design.as_data()}
+    return {"title": design.original.title, "headline": design.headline, **plain_data(design)}
 
 
 def design_comment(design: ControllerDesign, version: str) -> str:

@@ -1,7 +1,7 @@
 """Probability of violating a requirement: the estimate, and reasons to doubt it."""
 
-from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple
 
 from jaxsat.core.errors import ArgumentError
 from jaxsat.studies.splitting import LENGTH
@@ -97,12 +97,3 @@ class RareEvent(NamedTuple):
     def trusted(self) -> bool:
         """Whether there is no reason to distrust the interval."""
         return not self.doubts
-
-    def as_data(self) -> dict[str, Any]:
-        """Convert to plain data for a record; numbers may be infinite or NaN."""
-        return {
-            **self._asdict(),
-            "settings": asdict(self.settings),
-            "levels": [one._asdict() for one in self.levels],
-            "differences": [one._asdict() for one in self.differences],
-        }

@@ -9,14 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from jaxsat.core.errors import ArgumentError
-from jaxsat.core.package_files import text_of
 from jaxsat.report.rare_event_document import rare_event_plots
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.parts.requirements import RequirementTable
 from jaxsat.store.files import OutputError
 from jaxsat.store.header import differences as where_other
 from jaxsat.store.marker import Marker
-from jaxsat.store.provenance import command_line, provenance
 from jaxsat.store.resumable import ResumableFolder
 from jaxsat.studies.designs import Listed
 from jaxsat.studies.ensemble import Study
@@ -35,7 +33,7 @@ from jaxsat.synthesis.flights import (
     study_of_requirements,
     unit_of,
 )
-from jaxsat.synthesis.plain_data import plain_data
+from jaxsat.synthesis.plain_data import write_record
 from jaxsat.synthesis.rare_events.doubts import doubts_of
 from jaxsat.synthesis.rare_events.result import EstimateSettings, LevelRow, RareEvent
 from jaxsat.synthesis.rare_events.violations import Violations, differences
@@ -43,7 +41,6 @@ from jaxsat.synthesis.rare_events.violations import Violations, differences
 KIND = "rare event"
 """Kind of the output folder."""
 
-RECORD, SCHEMA = "rare-event.json", "rare-event.schema.json"
 SCENARIO, TABLE = "scenario.toml", "violations.csv"
 
 
@@ -213,9 +210,7 @@ def _write(
     from jaxsat.report.figure_painter import paint
     from jaxsat.report.saving import save_figures
 
-    record = plain_data({"command": command_line(), **result.as_data(), **provenance()})
-    folder.write(RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
-    folder.write(SCHEMA, text_of("jaxsat.synthesis.rare_events", SCHEMA))
+    record = write_record(folder, "jaxsat.synthesis.rare_events", "rare-event", result)
     folder.write(TABLE, violations.table(flights))
     title = f"{result.title}: {result.requirement}"
     save_figures(lambda: {"levels": paint(rare_event_plots(record), title)}, folder.write)

@@ -10,15 +10,14 @@ law.
 
 import contextlib
 import importlib.util
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.optimize
 from jaxtyping import Float
 
-from jaxsat.synthesis.plain_data import plain_data
 from jaxsat.synthesis.tuning.descent import DescentState
 from jaxsat.synthesis.tuning.plan import TuningPlan
 from jaxsat.synthesis.tuning.strategies import PACKAGE, new_strategy
@@ -247,14 +246,6 @@ def run_baselines(
                 search.check()
         results.append(_search_result(plan, name, search))
     return results
-
-
-def as_data(results: Sequence[BaselineResult]) -> list[dict[str, Any]]:
-    """Convert the table's rows to plain data."""
-    return [
-        plain_data({**entry._asdict(), "evaluation": entry.evaluation.as_data()})
-        for entry in results
-    ]
 
 
 def _search_result(plan: TuningPlan, name: str, search: _Search) -> BaselineResult:

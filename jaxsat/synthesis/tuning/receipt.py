@@ -50,6 +50,10 @@ class GradientCheck(NamedTuple):
         """Whether every derivative is within one percent."""
         return self.cases > 0 and bool(np.all(self.error <= MAX_RELATIVE_ERROR))
 
+    def as_data(self) -> dict[str, Any]:
+        """Return the data of a record, see `plain_data`."""
+        return {**self._asdict(), "trusted": self.trusted}
+
 
 @dataclass(frozen=True)
 class Receipt:
@@ -97,12 +101,7 @@ class Receipt:
 
     def as_data(self) -> dict[str, Any]:
         """Convert to plain data."""
-        checks = {
-            name: {**getattr(self, name)._asdict(), "trusted": getattr(self, name).trusted}
-            for name in ("start", "end", "exact_start", "exact_end")
-        }
-        rest = {k: v for k, v in vars(self).items() if k not in checks}
-        return plain_data({**rest, **checks, "problems": self.problems})
+        return plain_data({**vars(self), "problems": self.problems})
 
 
 def make_receipt(plan: TuningPlan, state: DescentState) -> Receipt:

@@ -17,9 +17,9 @@ from jaxsat.store.files import parse_json
 from jaxsat.store.resumable import ResumableFolder
 from jaxsat.studies.work import Work
 from jaxsat.synthesis.execution import Listener
+from jaxsat.synthesis.plain_data import plain_data
 from jaxsat.synthesis.tuning.baselines import (
     BaselineResult,
-    as_data,
     missing_packages,
     run_baselines,
 )
@@ -101,9 +101,10 @@ class TuningResult:
         """The document that `jaxsat tune` prints."""
         if self.kept is not None:
             return self.kept
-        baselines = as_data(self.baselines)
-        records = self.verdict.as_data(), self.receipt.as_data(), baselines
-        return tuning_document(self.original.title, *records, missing_packages())
+        parts = self.verdict, self.receipt, self.baselines
+        verdict, receipt, baselines = map(plain_data, parts)
+        title = self.original.title
+        return tuning_document(title, verdict, receipt, baselines, missing_packages())
 
     @property
     def summary(self) -> str:
@@ -206,14 +207,14 @@ def _conclude(
     """Write receipt, verdict and all files; the summary last, which marks a complete run."""
     result = _result(scenario, plan, state, baselines, listener)
     receipt = result.receipt
-    _write_json(folder, "receipt.json", receipt.as_data())
+    _write_json(folder, "receipt.json", receipt)
     if receipt.problems:
         listener.warn("the gradient is not trustworthy: " + "; ".join(receipt.problems))
     if receipt.first_masked:
         listener.warn(f"runs without a usable gradient are left out: {receipt.first_masked}")
-    _write_json(folder, "verdict.json", result.verdict.as_data())
+    _write_json(folder, "verdict.json", result.verdict)
     if result.baselines:
-        _write_json(folder, BASELINES, as_data(result.baselines))
+        _write_json(folder, BASELINES, result.baselines)
     if folder is not None:
         _write_results(result, folder)
     return result
@@ -242,9 +243,9 @@ def read_document(title: str, folder: ResumableFolder) -> Document:
     return tuning_document(title, verdict, receipt, baselines or (), missing_packages())
 
 
-def _write_json(folder: ResumableFolder | None, name: str, data: Any) -> None:
+def _write_json(folder: ResumableFolder | None, name: str, result: Any) -> None:
     if folder is not None:
-        folder.write(name, json.dumps(data, indent=1, ensure_ascii=False) + "\n")
+        folder.write(name, json.dumps(plain_data(result), indent=1, ensure_ascii=False) + "\n")
 
 
 def _write_results(result: TuningResult, folder: ResumableFolder) -> None:

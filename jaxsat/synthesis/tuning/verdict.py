@@ -37,20 +37,11 @@ class GainEvaluation(NamedTuple):
     columns: Mapping[str, np.ndarray]
 
     def as_data(self) -> dict[str, Any]:
-        """Convert to plain data, without columns and sensitivities."""
-        summary = self.summary
-        numbers = {
-            "cases": summary.cases,
-            "settled": summary.settled,
-            "settling_time": summary.settling_time,
-            "effort": summary.effort,
-            "outcomes": summary.outcomes,
-            "cost": self.cost,
-            "failed": self.failed,
-            "alarming": self.alarming,
-            "loss": self.loss,
-        }
-        return plain_data(numbers)
+        """Return the data of a record, without columns and sensitivities."""
+        of_summary = ("cases", "settled", "settling_time", "effort", "outcomes")
+        own = ("cost", "failed", "alarming", "loss")
+        data = {name: getattr(self.summary, name) for name in of_summary}
+        return data | {name: getattr(self, name) for name in own}
 
 
 @dataclass(frozen=True)
@@ -82,23 +73,13 @@ class TuningVerdict:
 
     def as_data(self) -> dict[str, Any]:
         """Convert to plain data."""
-        gains = {
-            label: {"before": before, "after": after}
-            for label, before, after in zip(
-                self.labels, self.gains_before, self.gains_after, strict=True
-            )
-        }
-        evaluations = {
-            name: getattr(self, name).as_data()
-            for name in ("before", "after", "trained_before", "trained_after")
-        }
-        rest = {
-            "better": self.better,
-            "overfitting": self.overfitting,
-            "at_bounds": dict(self.at_bounds),
-            "singular": self.singular,
-        }
-        return plain_data({"gains": gains, **evaluations, **rest})
+        by_label = zip(self.labels, self.gains_before, self.gains_after, strict=True)
+        gains = {label: {"before": before, "after": after} for label, before, after in by_label}
+        names = (
+            *("before", "after", "trained_before", "trained_after"),
+            *("better", "overfitting", "at_bounds", "singular"),
+        )
+        return plain_data({"gains": gains, **{name: getattr(self, name) for name in names}})
 
 
 def make_verdict(plan: TuningPlan, point: Float[np.ndarray, " parameters"]) -> TuningVerdict:

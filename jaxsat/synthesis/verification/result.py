@@ -121,15 +121,11 @@ class Verification(NamedTuple):
         return set(self.verdicts.values()) == {"met"}
 
     def as_data(self) -> dict[str, Any]:
-        """Convert to plain data for a record; numbers may be infinite or NaN."""
-        return {
-            "title": self.title,
-            "demand": vars(self.demand),
-            "requirements": [
-                {"id": name, "text": text, "verdict": self.verdict(name)}
-                for name, text in self.sentences.items()
-            ],
-            "shown": [one._asdict() for one in self.shown],
-            "failures": [one._asdict() for one in self.failures],
-            "not_tried": self.not_tried,
-        }
+        """Return the data of a record, see `plain_data`."""
+        requirements = [
+            {"id": name, "text": text, "verdict": self.verdict(name)}
+            for name, text in self.sentences.items()
+        ]
+        data = self._asdict() | {"requirements": requirements}
+        del data["sentences"]
+        return data

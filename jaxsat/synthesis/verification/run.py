@@ -1,6 +1,5 @@
 """A verification in one call: nominal run, studies of all conditions, and verdicts."""
 
-import json
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -9,15 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from jaxsat.core.declaration.requirements import Inequality, comparisons
-from jaxsat.core.package_files import text_of
 from jaxsat.report.requirements import judgements
 from jaxsat.report.verification_document import failure_csv, matrix_csv
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.datasets import simulated_finely
 from jaxsat.scenario.build.study import refined_study
-from jaxsat.scenario.errors import MissingTable
 from jaxsat.store.labels import named_store
-from jaxsat.store.provenance import command_line, provenance
 from jaxsat.store.resumable import ResumableFolder
 from jaxsat.studies.columns import REQUIREMENT
 from jaxsat.studies.ensemble import Study
@@ -27,7 +23,8 @@ from jaxsat.studies.summary import summarise_requirements
 from jaxsat.studies.torques_left import TorquesLeft
 from jaxsat.studies.work import study_work
 from jaxsat.synthesis.execution import Execution, Listener, folder_of_call, run_columns
-from jaxsat.synthesis.plain_data import plain_data
+from jaxsat.synthesis.flights import require_tables
+from jaxsat.synthesis.plain_data import write_record
 from jaxsat.synthesis.verification.conditions import Condition, conditions_of
 from jaxsat.synthesis.verification.result import (
     Criterion,
@@ -41,7 +38,6 @@ from jaxsat.synthesis.verification.result import (
 KIND = "verification"
 """Kind of the output folder."""
 
-RECORD, SCHEMA = "verification.json", "verification.schema.json"
 MATRIX, FAILURES = "matrix.csv", "failures.csv"
 NOMINAL = "nominal"
 
@@ -77,10 +73,7 @@ def verify(
     that cannot run the studies.
     """
     demand = Criterion(fraction, confidence, cases)
-    if not scenario.requirement:
-        raise MissingTable("[requirement]")
-    if scenario.dispersion is None:
-        raise MissingTable("dispersion")
+    require_tables(scenario)
     conditions, not_tried = conditions_of(scenario, failures, pairs)
     rule = demand.rule(len(conditions) * len(scenario.requirement))
     studies = [_Study.of(one, demand.cases, execution, listener) for one in conditions]
@@ -247,9 +240,7 @@ def _median(columns: Columns, name: str, places: np.ndarray) -> float:
 
 
 def _write(folder: ResumableFolder, result: Verification) -> None:
-    record = plain_data({"command": command_line(), **result.as_data(), **provenance()})
-    folder.write(RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
-    folder.write(SCHEMA, text_of("jaxsat.synthesis.verification", SCHEMA))
+    record = write_record(folder, "jaxsat.synthesis.verification", "verification", result)
     folder.write(MATRIX, matrix_csv(record))
     if result.failures:
         folder.write(FAILURES, failure_csv(record))

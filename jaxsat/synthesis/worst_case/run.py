@@ -1,9 +1,8 @@
 """The worst case of a requirement in one call: the search, its result, and its scenario."""
 
-import json
 import shlex
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,7 +12,6 @@ from scipy.special import ndtri
 from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.core.declaration.requirements import comparisons
 from jaxsat.core.errors import ArgumentError
-from jaxsat.core.package_files import text_of
 from jaxsat.report.requirements import judgements
 from jaxsat.report.worst_case_document import quantity_text
 from jaxsat.scenario import Scenario, dump
@@ -21,7 +19,6 @@ from jaxsat.scenario.build.datasets import simulated_finely
 from jaxsat.scenario.parts.requirements import RequirementTable
 from jaxsat.simulation.trajectory import Outcome
 from jaxsat.store.labelled import LabelledArrays
-from jaxsat.store.provenance import command_line, provenance
 from jaxsat.studies.columns import DRAWN
 from jaxsat.studies.ensemble import Study
 from jaxsat.studies.work import study_work
@@ -35,14 +32,14 @@ from jaxsat.synthesis.flights import (
     study_of_requirements,
     unit_of,
 )
-from jaxsat.synthesis.plain_data import plain_data
+from jaxsat.synthesis.plain_data import write_record
 from jaxsat.synthesis.tuning.strategies import require_package
 from jaxsat.synthesis.worst_case.search import Ball, search
 
 KIND = "worst case"
 """Kind of the output folder."""
 
-RECORD, SCHEMA, CASE = "worst-case.json", "worst-case.schema.json", "case.toml"
+CASE = "case.toml"
 
 LEAST_FLIGHTS = 100
 
@@ -110,13 +107,8 @@ class WorstCase(NamedTuple):
         return self.searched < self.random
 
     def as_data(self) -> dict[str, Any]:
-        """Convert to plain data for a record; numbers may be infinite or NaN."""
-        return {
-            **self._asdict(),
-            "settings": asdict(self.settings),
-            "quantities": [one._asdict() for one in self.quantities],
-            "beats_random": self.beats_random,
-        }
+        """Return the data of a record, see `plain_data`."""
+        return {**self._asdict(), "beats_random": self.beats_random}
 
 
 def worst_case(
@@ -187,9 +179,7 @@ def worst_case(
         )
         if out is not None:
             folder.write(CASE, dump(case))
-            record = plain_data({"command": command_line(), **result.as_data(), **provenance()})
-            folder.write(RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
-            folder.write(SCHEMA, text_of("jaxsat.synthesis.worst_case", SCHEMA))
+            write_record(folder, "jaxsat.synthesis.worst_case", "worst-case", result)
         return result
 
 
