@@ -11,41 +11,22 @@ from scipy import stats
 
 from jaxsat.cli.app import run
 from jaxsat.store.dataset import open_trajectory
+from tests.helpers.decaying_rate import DECAY, decaying_rate
 
-SETTLING = """
-title = "One rate decays"
-[spacecraft]
-inertia_kg_m2 = [449.5, 264.6, 312.5]
-thruster_torque_axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
-failed_thrusters = [3]
-third_rate = "held"
-[orbit]
-rate_rad_s = 0.0011
-relation = "small-angle"
-[initial]
-w = [0, 0]
-z_rad = 0
-omega_rad_s = [0, 0, 0]
-[control]
-law = "rate"
-k1 = 5
-k2 = 0.5
-[simulation]
-duration_s = 8
-save_every_s = 0.5
-seed = 5
-[dispersion.rate_error_rad_s]
-distribution = "normal"
-mean = 0
-sigma = 0.005
+SIGMA = 0.005
+
+SETTLING = decaying_rate(
+    0,
+    SIGMA,
+    """
 [[requirement]]
 id = "STOP"
 text = "The rate is below 1.2 mrad/s within 6 s."
 formula = "eventually[0 s, 6 s] rate < 1.2e-3 rad/s"
-"""
-"""Of the rate law (39): ω1 and ω2 are η exp(-k2 t) from the drawn η on, while ω3 = 0."""
+""",
+)
 
-VIOLATED = stats.rayleigh.sf(1.2e-3 * np.exp(0.5 * 6) / 0.005)
+VIOLATED = stats.rayleigh.sf(1.2e-3 * np.exp(DECAY * 6) / SIGMA)
 """9e-6, the probability that |η| is too large."""
 
 
