@@ -4,7 +4,14 @@ import math
 
 import pytest
 
-from jaxsat.core.declaration.requirements import Inequality, Instant, Junction, Negation, Temporal
+from jaxsat.core.declaration.requirements import (
+    Inequality,
+    Instant,
+    Junction,
+    Negation,
+    Temporal,
+    comparisons,
+)
 from jaxsat.core.errors import ArgumentError
 from jaxsat.scenario import read
 from jaxsat.scenario.dump import dump
@@ -19,6 +26,13 @@ def test_a_formula_is_a_tree():
     window = Instant("start", 300.0), Instant("end", -10.0)
     after = Temporal("eventually", rate, Instant("failure"), Instant("failure", 2.0))
     assert parse(text) == Junction((Temporal("always", tilt, *window), Negation(after)), True)
+
+
+def test_limits_of_rates_may_be_in_the_units_of_pointing_stability():
+    """1 arcsec/s is 360 degrees / 1,296,000 a second, and 60 of them are 1 arcmin/s."""
+    parsed = parse("always (rate < 30 arcsec/s and relative_rate < 0.5 arcmin/s)")
+    for one in comparisons(parsed):
+        assert one.limit == pytest.approx(30 * 2 * math.pi / 1_296_000, rel=1e-14)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,14 @@ _DEGREE = math.pi / 180
 
 UNITS: Mapping[str, Mapping[str, float]] = {
     "rad": {"rad": 1.0, "deg": _DEGREE, "arcmin": _DEGREE / 60, "arcsec": _DEGREE / 3600},
-    "rad/s": {"rad/s": 1.0, "deg/s": _DEGREE, "deg/h": _DEGREE / 3600, "rpm": math.pi / 30},
+    "rad/s": {
+        "rad/s": 1.0,
+        "deg/s": _DEGREE,
+        "deg/h": _DEGREE / 3600,
+        "arcmin/s": _DEGREE / 60,
+        "arcsec/s": _DEGREE / 3600,
+        "rpm": math.pi / 30,
+    },
     "N m": {"N m": 1.0, "mN m": 1e-3},
     "N m s": {"N m s": 1.0, "mN m s": 1e-3},
     "A m2": {"A m2": 1.0, "A m²": 1.0},
