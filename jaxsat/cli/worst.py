@@ -26,8 +26,9 @@ def worst(
 ) -> int:
     """Search for the case with the least margin of a requirement.
 
-    Flies random cases and, from the worst of them on, as many of a search by covariance matrix
-    adaptation over all dispersed quantities: starts, errors, failure times, disturbances. Writes
+    Flies random cases and, from the worst of them on, as many of a search over all dispersed
+    quantities: starts, errors, failure times, disturbances. It descends along gradients of the
+    margin where they can be trusted, and goes on by covariance matrix adaptation. Writes
     the worst case as a scenario, case.toml, that jaxsat simulate flies. The same command resumes an
     interrupted run.
 

@@ -40,6 +40,10 @@ def _facts(record: Record) -> Iterator[tuple[str, str]]:
     count = f"{record['settings']['flights']:,}"
     yield f"{count} flights of the search", _margin(record, "searched")
     yield f"{count} random flights", _margin(record, "random")
+    yield (
+        "gradients of the margin",
+        f"{record['gradients']:,}, of which central differences agree with {record['trusted']:,}",
+    )
     less = "less" if record["beats_random"] else "no less"
     yield "search or chance", f"the search found {less} than random flights"
     yield "flown again by", f"`{record['again']}`"

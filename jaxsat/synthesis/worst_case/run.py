@@ -29,12 +29,14 @@ from jaxsat.synthesis.flights import (
     chosen_requirement,
     excess_of,
     identity_of,
+    space_of,
     study_of_requirements,
     unit_of,
 )
 from jaxsat.synthesis.plain_data import write_record
 from jaxsat.synthesis.tuning.strategies import require_package
-from jaxsat.synthesis.worst_case.search import Ball, search
+from jaxsat.synthesis.worst_case.ball import Ball
+from jaxsat.synthesis.worst_case.search import search
 
 KIND = "worst case"
 """Kind of the output folder."""
@@ -81,7 +83,8 @@ class WorstCase(NamedTuple):
     says; `signal` decided it, at `time` (s). The case is `distance` standard deviations from the
     middle of all cases, at most `radius`; `quantities` are its draws, and `again` flies it again.
     `searched` and `random` are the least margins of the search and of as many random cases, and
-    `flights` counts those of both.
+    `flights` counts those of both. Of the `gradients` along which the search descended so many were
+    `trusted`, as central differences agreed with them.
     """
 
     title: str
@@ -99,6 +102,8 @@ class WorstCase(NamedTuple):
     searched: float
     random: float
     flights: int
+    gradients: int
+    trusted: int
     again: str
 
     @property
@@ -148,7 +153,8 @@ def worst_case(
             return _comparable(flown.batches[-1])
 
         ball = Ball.with_probability(sum(study.case_factory.dimensions().values()), within)
-        common = search(evaluate, ball, flights, scenario.simulation.seed)
+        whole = space_of(study).whole
+        counts = search(evaluate, ball, whole, flights, scenario.simulation.seed)
         batch = flown.together()
         if excess := excess_of(batch, scenario):
             listener.warn(excess)
@@ -172,9 +178,11 @@ def worst_case(
             float(np.linalg.norm(ndtri(batch["point"][worst]))),
             ball.radius,
             quantities,
-            least_of(margins[:common], margins[flights:]),
+            least_of(margins[: counts.common], margins[flights:]),
             least_of(margins[:flights]),
             len(margins),
+            counts.gradients,
+            counts.trusted,
             f"jaxsat simulate {shlex.quote(str(folder.path / CASE))}",
         )
         if out is not None:

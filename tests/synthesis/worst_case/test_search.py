@@ -4,12 +4,18 @@ import numpy as np
 import pytest
 from scipy.special import chdtr, ndtri
 
-from jaxsat.synthesis.worst_case.search import Ball, search
+from jaxsat.synthesis.worst_case.ball import Ball
+from jaxsat.synthesis.worst_case.search import search
 
 pytest.importorskip("cma")
 
 DIMENSION, FLIGHTS = 12, 2000
 DIRECTION = np.arange(1.0, DIMENSION + 1)
+
+
+def moved(dimension):
+    """No coordinate whose meaning jumps."""
+    return np.zeros(dimension, bool)
 
 
 class Flown:
@@ -47,7 +53,8 @@ def test_points_outside_the_ball_are_reflected_at_its_surface():
 def test_a_plane_is_least_at_the_surface_of_the_ball():
     ball = Ball.with_probability(DIMENSION, 0.9973)
     flown = Flown(lambda x: 3 + x @ DIRECTION)
-    common = search(flown, ball, FLIGHTS, 3)
+    common, gradients, trusted = search(flown, ball, moved(DIMENSION), FLIGHTS, 3)
+    assert gradients == trusted > 0
     assert len(flown.x) == 2 * FLIGHTS - common
     assert np.linalg.norm(flown.x, axis=1).max() < ball.radius * (1 + 1e-9)
     least = 3 - ball.radius * np.linalg.norm(DIRECTION)
@@ -65,7 +72,7 @@ def test_of_two_valleys_inside_the_ball_the_deeper_one_is_found():
         return np.minimum(of_deep - 1.0, 0.3 * of_flat - 0.5)
 
     flown = Flown(valleys)
-    search(flown, ball, 1000, 4)
+    search(flown, ball, moved(3), 1000, 4)
     assert flown.least((0, None)) == pytest.approx(-1.0, abs=1e-6)
     best = np.argmin(valleys(np.array(flown.x)))
     np.testing.assert_allclose(flown.x[best], deep, atol=1e-3)
@@ -75,9 +82,9 @@ def test_a_search_is_repeated_by_its_seed_and_keeps_the_noise_of_its_start():
     ball = Ball.with_probability(DIMENSION, 0.99)
     one, same, other = (Flown(lambda x: x @ DIRECTION) for _ in range(3))
     for flown, seed in ((one, 5), (same, 5), (other, 6)):
-        search(flown, ball, 200, seed)
+        search(flown, ball, moved(DIMENSION), 200, seed)
     assert np.array_equal(one.x, same.x)
-    search(Flown(lambda x: x @ DIRECTION), ball, 200, 2**63 - 1)
+    search(Flown(lambda x: x @ DIRECTION), ball, moved(DIMENSION), 200, 2**63 - 1)
     assert not np.array_equal(one.x, other.x)
     start = np.argmin(np.array(one.x[:40]) @ DIRECTION)
     assert set(one.noise[200:220]) == {one.noise[start]}
@@ -86,5 +93,5 @@ def test_a_search_is_repeated_by_its_seed_and_keeps_the_noise_of_its_start():
 def test_cases_without_a_finite_margin_do_not_stop_the_search():
     ball = Ball.with_probability(2, 0.9)
     flown = Flown(lambda x: np.where(x[:, 0] > 1, np.inf, np.where(x[:, 1] > 1, -np.inf, x[:, 0])))
-    assert search(flown, ball, 150, 1) == 30
+    assert search(flown, ball, moved(2), 150, 1).common == 30
     assert len(flown.x) == 270

@@ -9,47 +9,26 @@ import pytest
 from jaxsat.cli.app import run
 from jaxsat.report.requirements import judgements
 from jaxsat.store.dataset import open_trajectory
+from tests.helpers.decaying_rate import DECAY, decaying_rate
 
 pytest.importorskip("cma")
 
 MEAN, SIGMA = np.array([0.003, -0.001]), 0.002
 
-SETTLING = f"""
-title = "One rate decays"
-[spacecraft]
-inertia_kg_m2 = [449.5, 264.6, 312.5]
-thruster_torque_axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
-failed_thrusters = [3]
-third_rate = "held"
-[orbit]
-rate_rad_s = 0.0011
-relation = "small-angle"
-[initial]
-w = [0, 0]
-z_rad = 0
-omega_rad_s = [0, 0, 0]
-[control]
-law = "rate"
-k1 = 5
-k2 = 0.5
-[simulation]
-duration_s = 8
-save_every_s = 0.5
-seed = 5
-[dispersion.rate_error_rad_s]
-distribution = "normal"
-mean = {MEAN.tolist()}
-sigma = {SIGMA}
+SETTLING = decaying_rate(
+    MEAN.tolist(),
+    SIGMA,
+    """
 [[requirement]]
 id = "STOP"
 text = "The rate is below 0.02 deg/s within 6 s."
 formula = "eventually[0 s, 6 s] rate < 0.02 deg/s"
-"""
-"""Of the rate law (39): ω1 and ω2 are η exp(-k2 t) from the drawn η on, while ω3 = 0."""
+""",
+)
 
 RADIUS = np.sqrt(-2 * np.log(1 - 0.9973))
 LARGEST = np.linalg.norm(MEAN) + SIGMA * RADIUS
-LEAST = 0.02 - np.rad2deg(LARGEST * np.exp(-0.5 * 6))
+LEAST = 0.02 - np.rad2deg(LARGEST * np.exp(-DECAY * 6))
 """Least margin (deg/s) in the disc of two normal numbers that holds 99.73 % of them."""
 
 
@@ -82,6 +61,7 @@ def test_the_case_found_is_the_worst_one_of_the_closed_form(folder):
     assert record["distance"] == pytest.approx(np.linalg.norm(drawn["sigmas"]))
     assert record["distance"] <= record["radius"] * (1 + 1e-9)
     assert record["flights"] == 400 + 320
+    assert record["gradients"] >= record["trusted"] > 0
 
 
 def margin_flown(folder, tmp_path):
