@@ -104,8 +104,8 @@ def trajectory_arrays(
         labels[ALL_PARTS] = [
             f"{kind} {name}" for kind, count in kinds for name in part_names(scenario, kind, count)
         ]
-    clock = {"units": "s", "long_name": "time since the start"}
-    coordinates = {"time": LabelledArray(("time",), np.asarray(trajectory.times), clock)}
+    clock = Label(("time",), "s", "time since the start")
+    coordinates = {"time": clock.array(trajectory.times)}
     coordinates |= {axis: LabelledArray((axis,), np.array(names)) for axis, names in labels.items()}
     return dataclasses.replace(arrays, coords=coordinates)
 
@@ -136,11 +136,9 @@ def _ranges(trajectory: Trajectory) -> dict[str, LabelledArray]:
     ):
         return {}
     return {
-        name: LabelledArray(
-            ("time", "body_axis"),
-            np.asarray(getattr(ranges, part)),
-            {"units": "N m", "long_name": f"{what} thruster torque until the next saved time"},
-        )
+        name: Label(
+            ("time", "body_axis"), "N m", f"{what} thruster torque until the next saved time"
+        ).array(getattr(ranges, part))
         for part, (name, what) in RANGES.items()
     }
 
@@ -149,14 +147,7 @@ def _errors(trajectory: Trajectory) -> dict[str, LabelledArray]:
     errors = trajectory.integration_error
     if errors is None:
         return {}
-    return {
-        name: LabelledArray(
-            (),
-            np.asarray(getattr(errors, part)),
-            {"units": label.units, "long_name": label.long_name},
-        )
-        for name, (part, label) in ERRORS.items()
-    }
+    return {name: label.array(getattr(errors, part)) for name, (part, label) in ERRORS.items()}
 
 
 def errors_of(dataset: Dataset) -> tuple[float | None, float | None]:
@@ -194,11 +185,7 @@ def _label_variables(
 ) -> dict[str, LabelledArray]:
     """Return the labelled variables of those `values` that exist."""
     return {
-        name: LabelledArray(
-            (*first, *label.dimensions),
-            np.asarray(values[name]),
-            {"units": label.units, "long_name": label.long_name},
-        )
+        name: label.array(values[name], first)
         for name, label in labels.items()
         if values.get(name) is not None
     }
@@ -230,11 +217,7 @@ def pointing(quaternion: np.ndarray) -> dict[str, LabelledArray]:
         "euler_angle": (euler_angles(quaternion), "euler_axis", f"Euler angles, {SEQUENCE}"),
     }
     return {
-        name: LabelledArray(
-            ("time",) if axis is None else ("time", axis),
-            values,
-            {"units": "degree", "long_name": meaning},
-        )
+        name: Label((axis,) if axis else (), "degree", meaning).array(values, ("time",))
         for name, (values, axis, meaning) in entries.items()
     }
 

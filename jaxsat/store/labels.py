@@ -4,11 +4,16 @@ of several studies in one folder."""
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from jaxsat.core.declaration.actuators import PARTS as DECLARED
 from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS
+from jaxsat.store.labelled import LabelledArray
 
 AXES: dict[str, tuple[str, ...]] = {
     "body_axis": ("x", "y", "z"),
@@ -44,6 +49,14 @@ class Label(NamedTuple):
     units: str
     long_name: str
 
+    def array(self, values: ArrayLike, first: tuple[str, ...] = ()) -> LabelledArray:
+        """Return values with this label, along the `first` axes and then its dimensions."""
+        attributes = {"units": self.units, "long_name": self.long_name}
+        return LabelledArray((*first, *self.dimensions), np.asarray(values), attributes)
+
+
+_body = partial(Label, ("body_axis",))
+_CLAIMED = "three standard deviations that the estimator claims of the same"
 
 VARIABLES = {
     "w": Label(("w_component",), "1", "tilt relative to the orbit frame (Tsiotras-Longuski)"),
@@ -51,15 +64,13 @@ VARIABLES = {
     "quaternion": Label(
         ("quaternion_component",), "1", "unit quaternion from orbit to body frame, scalar first"
     ),
-    "omega": Label(("body_axis",), "rad s-1", "inertial angular velocity in body axes"),
-    "relative_rate": Label(
-        ("body_axis",), "rad s-1", "angular velocity relative to the orbit frame in body axes"
+    "omega": _body("rad s-1", "inertial angular velocity in body axes"),
+    "relative_rate": _body("rad s-1", "angular velocity relative to the orbit frame in body axes"),
+    "torque": _body("N m", "torque of all actuators in body axes"),
+    "torque_unmade": _body(
+        "N m", "torque commanded beyond what actuators make within their limits"
     ),
-    "torque": Label(("body_axis",), "N m", "torque of all actuators in body axes"),
-    "torque_unmade": Label(
-        ("body_axis",), "N m", "torque commanded beyond what actuators make within their limits"
-    ),
-    "disturbance": Label(("body_axis",), "N m", "disturbance torque in body axes"),
+    "disturbance": _body("N m", "disturbance torque in body axes"),
     "rate_error": Label(
         ("driven_axis",), "rad s-1", "angular velocity less the reference of the control law"
     ),
@@ -88,24 +99,14 @@ VARIABLES = {
         "part of its dipole that each magnetorquer makes by diagnosis: 1 works, 0 is dead or stuck",
     ),
     "alarm": Label((), "1", "1 while the cause of an alarm is being isolated"),
-    "attitude_estimate_error": Label(
-        ("body_axis",), "rad", "rotation vector from estimated to true attitude in body axes"
+    "attitude_estimate_error": _body(
+        "rad", "rotation vector from estimated to true attitude in body axes"
     ),
-    "attitude_estimate_3sigma": Label(
-        ("body_axis",), "rad", "three standard deviations that the estimator claims of the same"
-    ),
-    "rate_estimate_error": Label(
-        ("body_axis",), "rad s-1", "angular velocity less the estimated one in body axes"
-    ),
-    "rate_estimate_3sigma": Label(
-        ("body_axis",), "rad s-1", "three standard deviations that the estimator claims of the same"
-    ),
-    "bias_estimate_error": Label(
-        ("body_axis",), "rad s-1", "gyro bias less the estimated one in body axes"
-    ),
-    "bias_estimate_3sigma": Label(
-        ("body_axis",), "rad s-1", "three standard deviations that the estimator claims of the same"
-    ),
+    "attitude_estimate_3sigma": _body("rad", _CLAIMED),
+    "rate_estimate_error": _body("rad s-1", "angular velocity less the estimated one in body axes"),
+    "rate_estimate_3sigma": _body("rad s-1", _CLAIMED),
+    "bias_estimate_error": _body("rad s-1", "gyro bias less the estimated one in body axes"),
+    "bias_estimate_3sigma": _body("rad s-1", _CLAIMED),
     "innovation": Label(
         (ATTITUDE_SENSOR,),
         "1",
@@ -128,7 +129,7 @@ TOTALS = {
         (), "s", "when attitude and relative rate came to stay within the tolerances"
     ),
     "at_rest_from": Label((), "s", "when the inertial rate came to stay within its tolerance"),
-    "effort": Label(("body_axis",), "N m s", "integral of the size of the torque"),
+    "effort": _body("N m s", "integral of the size of the torque"),
     "constraint_effort": Label((), "N m s", "the same of the torque that holds the third rate"),
 }
 """Totals of the whole run, computed on the integrator's steps and not at the saved times."""

@@ -87,14 +87,15 @@ class Body:
     def __init__(
         self,
         trace: Trace,
-        uses: Uses,
+        function: ir.Function,
         names: Names,
         expressions: Mapping[int, Expression],
         places: Mapping[int, str] | None = None,
         function_name: str | None = None,
         shapes: Mapping[str, tuple[int, ...]] | None = None,
     ):
-        self.trace, self.uses, self.names = trace, uses, names
+        self.trace, self.names = trace, names
+        self.uses = Uses(function.block, function.results)
         self.expressions = dict(expressions)
         self.places = places or {}
         self.lines: list[str] = []

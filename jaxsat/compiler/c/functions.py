@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from jaxsat.compiler.c.body import Body
 from jaxsat.compiler.c.contexts import Context, contexts
 from jaxsat.compiler.c.cutting import Text, in_parts, lines_of
 from jaxsat.compiler.c.expressions import Expression, literal
@@ -214,9 +215,8 @@ def _elementary_text(unit: Unit, function: Function, trace: Trace) -> tuple[Text
     names = unit.scope()
     params = {p.number: Expression(names.new("xyzuvw"[i] if i < 6 else f"x_{i}"))
               for i, p in enumerate(function.params)}  # fmt: skip
-    printer = Printer(unit, trace, function, names, params)
-    printer.block(function.block)
-    body = printer.body
+    body = Body(trace, function, names, params)
+    Printer(unit, body).block(function.block)
     parameters = {
         params[p.number].text: f"{TYPES[p.dtype]} {params[p.number].text}" for p in function.params
     }

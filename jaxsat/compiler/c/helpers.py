@@ -38,6 +38,16 @@ def _signature(result: str, name: str, params: str) -> str:
     return f"static {result} {name}({params})"
 
 
+_WRAPPED = {
+    "add": ("+", "y"),
+    "sub": ("-", "y"),
+    "mul": ("*", "y"),
+    "shift_left": ("<<", "count"),
+    "shift_right_logical": (">>", "count"),
+}
+"""Signs and second operands of operations on unsigned numbers."""
+
+
 def helper(name: str, dtype: np.dtype, other: np.dtype | None = None) -> tuple[str, str, list]:
     """Return name and text of a helper for operands of a type, and the helpers that it needs.
 
@@ -52,18 +62,12 @@ def helper(name: str, dtype: np.dtype, other: np.dtype | None = None) -> tuple[s
             sign = ">" if name == "maximum" else "<"
             body = f"return (x {sign} y) ? x : y;"
             return full, _one_line(c, full, f"{c} x, {c} y", body), []
-        case "add" | "sub" | "mul":
-            sign = {"add": "+", "sub": "-", "mul": "*"}[name]
+        case "add" | "sub" | "mul" | "shift_left" | "shift_right_logical":
+            sign, second = _WRAPPED[name]
             u = TYPES[unsigned(dtype)]
             wrap = "signed_of", unsigned(dtype), None
-            body = f"return {helper(*wrap)[0]}(({u})(({u})x {sign} ({u})y));"
-            return full, _one_line(c, full, f"{c} x, {c} y", body), [wrap]
-        case "shift_left" | "shift_right_logical":
-            sign = "<<" if name == "shift_left" else ">>"
-            u = TYPES[unsigned(dtype)]
-            wrap = "signed_of", unsigned(dtype), None
-            body = f"return {helper(*wrap)[0]}(({u})(({u})x {sign} ({u})count));"
-            return full, _one_line(c, full, f"{c} x, {c} count", body), [wrap]
+            body = f"return {helper(*wrap)[0]}(({u})(({u})x {sign} ({u}){second}));"
+            return full, _one_line(c, full, f"{c} x, {c} {second}", body), [wrap]
         case "shift_right_arithmetic":
             u = TYPES[unsigned(dtype)]
             wrap = "signed_of", unsigned(dtype), None

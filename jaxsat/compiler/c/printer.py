@@ -1,45 +1,28 @@
 """Programs of scalars as statements of C; the turns of every loop have a known bound."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from jaxsat.compiler import ir
 from jaxsat.compiler.c.arrays import Arrays
-from jaxsat.compiler.c.body import Body, Uses
+from jaxsat.compiler.c.body import Body
 from jaxsat.compiler.c.contexts import arrays_in, squeezed
 from jaxsat.compiler.c.expressions import BOTH, UNARY, Expression, called, infix, operation
 from jaxsat.compiler.c.helpers import TYPES
-from jaxsat.compiler.c.naming import Names
 from jaxsat.compiler.c.unit import POINTERS, AbstractUnit, Record
 from jaxsat.compiler.lowering import CannotLower
 from jaxsat.compiler.passes.counting import CountedLoop, bound_of
-from jaxsat.compiler.trace import Trace
 
 
 class Printer:
-    """Printer of the statements of one C function into `body`.
+    """Printer of the statements of one C function into `body`."""
 
-    `expressions` are those of external values, and `places` (lvalues) those of values that others
-    read later; `shapes` are those of the arrays of both, by name.
-    """
-
-    def __init__(
-        self,
-        unit: AbstractUnit,
-        trace: Trace,
-        function: ir.Function,
-        names: Names,
-        expressions: Mapping[int, Expression],
-        places: Mapping[int, str] | None = None,
-        function_name: str | None = None,
-        shapes: Mapping[str, tuple[int, ...]] | None = None,
-    ):
-        self._unit, self._trace = unit, trace
-        self._uses = Uses(function.block, function.results)
-        self.body = Body(trace, self._uses, names, expressions, places, function_name, shapes)
-        self._arrays = Arrays(unit, self.body)
+    def __init__(self, unit: AbstractUnit, body: Body):
+        self._unit, self.body = unit, body
+        self._trace, self._uses = body.trace, body.uses
+        self._arrays = Arrays(unit, body)
         self._pointers: set[str] = set()
 
     def pointers(self, lines: Sequence[str]) -> set[str]:

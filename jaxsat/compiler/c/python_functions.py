@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from jaxsat.compiler.c.body import Body
 from jaxsat.compiler.c.contexts import Context, arrays_in, squeezed
 from jaxsat.compiler.c.cutting import Text
 from jaxsat.compiler.c.expressions import Expression, literal
@@ -91,10 +92,8 @@ def _printed(
             else:
                 assignments.append((place, x))
     function_name = None if source is None else source.name.split(".<locals>")[0]
-    printer = Printer(
-        unit, trace, function, names, expressions, places, function_name, array_shapes
-    )
-    body = printer.body
+    body = Body(trace, function, names, expressions, places, function_name, array_shapes)
+    printer = Printer(unit, body)
     assignments += context.left
     body.lines += fills(assignments, places.values())
     printer.block(function.block)

@@ -1,9 +1,13 @@
 """History of a run as a labelled dataset."""
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 
 from jaxsat.core.text import clean
+from jaxsat.store.labelled import LabelledArray
+from jaxsat.store.labels import Label
 from jaxsat.store.provenance import provenance_attributes
 from jaxsat.synthesis.tuning.descent import DescentState
 from jaxsat.synthesis.tuning.plan import TuningPlan
@@ -17,60 +21,47 @@ STEP_VARIABLES = {
     "bounded": "cases of the step whose derivative was cut to its bound",
 }
 
+VALIDATION_VARIABLES = {
+    "validation_loss": ("loss", "objective on the validation cases, exact law"),
+    "validation_settled": ("settled", "fraction of the validation cases that settled"),
+}
+"""Numbers of a validation by name, and their meaning."""
+
+SPENT = "whole horizons computed by then"
+
 
 def history_dataset(plan: TuningPlan, state: DescentState, title: str, scenario: str) -> xr.Dataset:
     """Return steps, validations and gains of a run; `scenario` is the text of its scenario."""
     size, starts = plan.space.size, len(state.points)
     gains = plan.space.to_values(_stack([r.points for r in state.steps], (starts, size)))
     interval = float(plan.smooth.program.interval)
-    variables: dict[str, tuple] = {
-        "gain": (
-            ("step", "start", "parameter"),
-            gains,
-            {"long_name": "gains before the step, each in the unit of its key in [control]"},
-        )
-    }
+    meaning = "gains before the step, each in the unit of its key in [control]"
+    axes = ("step", "start", "parameter")
+    variables = {"gain": LabelledArray(axes, gains, {"long_name": meaning})}
+    steps, checks = state.steps, state.validations
     for name, meaning in STEP_VARIABLES.items():
-        values = _stack([getattr(record, name) for record in state.steps], (starts,))
-        variables[name] = (("step", "start"), values, _attributes(meaning))
-    horizons = np.array([record.horizon for record in state.steps]) * interval
-    trajectories = np.array([record.trajectories for record in state.steps])
-    variables["horizon"] = (("step",), horizons, _attributes("horizon of the step's runs", "s"))
-    variables["trajectories"] = (
-        ("step",),
-        trajectories,
-        _attributes("whole horizons computed by then"),
-    )
-    checks = state.validations
-    variables["validation_loss"] = (
-        ("validation", "start"),
-        _stack([check.loss for check in checks], (starts,)),
-        _attributes("objective on the validation cases, exact law"),
-    )
-    variables["validation_settled"] = (
-        ("validation", "start"),
-        _stack([check.settled for check in checks], (starts,)),
-        _attributes("fraction of the validation cases that settled"),
-    )
-    variables["best_loss"] = (
-        ("validation",),
-        np.array([check.best_loss for check in checks]),
-        _attributes("least validation loss so far"),
-    )
-    variables["best_gain"] = (
-        ("validation", "parameter"),
-        plan.space.to_values(_stack([check.best_point for check in checks], (size,))),
-        _attributes("gains of the least validation loss so far"),
-    )
-    variables["validation_trajectories"] = (
-        ("validation",),
-        np.array([check.trajectories for check in checks]),
-        _attributes("whole horizons computed by then"),
-    )
+        values = _stack([getattr(one, name) for one in steps], (starts,))
+        variables[name] = Label(("step", "start"), "1", meaning).array(values)
+    for name, (key, meaning) in VALIDATION_VARIABLES.items():
+        values = _stack([getattr(one, key) for one in checks], (starts,))
+        variables[name] = Label(("validation", "start"), "1", meaning).array(values)
+    best = plan.space.to_values(_stack([one.best_point for one in checks], (size,)))
+    meaning = "gains of the least validation loss so far"
+    variables["best_gain"] = Label(("validation", "parameter"), "1", meaning).array(best)
+    horizons = [one.horizon * interval for one in steps]
+    least = [one.best_loss for one in checks]
+    of_all: dict[str, tuple[str, str, str, list[Any]]] = {
+        "horizon": ("step", "s", "horizon of the step's runs", horizons),
+        "trajectories": ("step", "1", SPENT, [one.trajectories for one in steps]),
+        "best_loss": ("validation", "1", "least validation loss so far", least),
+        "validation_trajectories": ("validation", "1", SPENT, [one.trajectories for one in checks]),
+    }
+    for name, (axis, unit, meaning, numbers) in of_all.items():
+        variables[name] = Label((axis,), unit, meaning).array(numbers)
     return xr.Dataset(
         variables,
         coords={
-            "step": np.arange(len(state.steps)),
+            "step": np.arange(len(steps)),
             "start": np.arange(starts),
             "parameter": list(plan.space.labels),
             "validation": np.array([check.step for check in checks]),
@@ -83,10 +74,6 @@ def history_dataset(plan: TuningPlan, state: DescentState, title: str, scenario:
             **provenance_attributes(),
         },
     )
-
-
-def _attributes(meaning: str, units: str = "1") -> dict[str, str]:
-    return {"long_name": meaning, "units": units}
 
 
 def _stack(parts: list[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
