@@ -44,7 +44,7 @@ class Builder:
         self._negated: dict[int, ir.Scalar] = {}  # what a value is the negative of
         # of products in a compact program
         self.factors: dict[int, tuple[ir.Scalar, ir.Scalar]] = {}
-        self.truths: set[int] = set()  # numbers made of bools: 0 or 1
+        self.truths: dict[int, ir.Scalar] = {}  # the predicates of numbers made of them: 0 or 1
         self.written = 0  # operations so far
 
     def operation(self, name: str, *args: ir.Scalar, dtype: np.dtype | None = None) -> ir.Scalar:
@@ -52,6 +52,8 @@ class Builder:
         if dtype is None:
             compares = name == "any" or (name in OPERATIONS and OPERATIONS[name].compares)
             dtype = BOOL if compares else args[-1].dtype
+        if self.compact:
+            args = tuple(map(self.block.decided, args))
         constant = uniform = True
         for arg in args:
             if isinstance(arg, ir.Value):
@@ -85,8 +87,10 @@ class Builder:
             self.predicates.note(name, args, value)
             if name == "convert" or (name == "bitcast" and args[0].dtype.kind != "f"):
                 self.ranges.note_converted(args[0], value)
-            if name == "convert" and (args[0].dtype == BOOL or identity(args[0]) in self.truths):
-                self.truths.add(value.number)
+            if name == "convert" and args[0].dtype == BOOL:
+                self.truths[value.number] = args[0]
+            elif name == "convert" and identity(args[0]) in self.truths:
+                self.truths[value.number] = self.truths[identity(args[0])]
         return value
 
     def _with_sign_outside(self, name: str, args: Sequence[ir.Scalar]) -> ir.Scalar | None:
@@ -202,6 +206,8 @@ class Builder:
             if varying and self.mask is not None:
                 active = self.operation("and", active, self.mask)
         work.outer = test
+        if self.compact:
+            work.outcomes = self.predicates.tested(active, params, before)
         for param, bounds in (ranges or {}).items():
             self.ranges.note(param, *bounds)
         with self.inside(work, self.mask if ir.is_uniform(active) else active):
@@ -224,6 +230,9 @@ class Builder:
         blocks, yields = [], []
         for number, branch in enumerate(branches):
             block = ir.Block(self.block)
+            if self.compact and len(branches) == 2 and index.number in self.truths:
+                predicate = self.truths[index.number]
+                block.outcomes = self.predicates.implied(predicate, holds=number == 1)
             with self.inside(block, masks[number] if masks else self.mask):
                 yields.append(branch())
             blocks.append(block)

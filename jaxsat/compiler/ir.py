@@ -114,14 +114,18 @@ class Store:
 
 
 class Block:
-    """Steps in order, which may use values of the blocks around it."""
+    """Steps in order, which may use values of the blocks around it.
 
-    __slots__ = ("known", "outer", "steps")
+    `outcomes` are those of predicates, by number, whenever the block runs.
+    """
+
+    __slots__ = ("known", "outcomes", "outer", "steps")
 
     def __init__(self, outer: "Block | None" = None):
         self.steps: list[Step] = []
         self.outer = outer
         self.known: dict[tuple, Scalar] = {}
+        self.outcomes: dict[int, bool] = {}
 
     def find(self, key: tuple) -> Any:
         """Value recorded under `key` in this block or one around it, or None."""
@@ -132,6 +136,16 @@ class Block:
                 return value
             block = block.outer
         return None
+
+    def decided(self, x: Scalar) -> Scalar:
+        """Return the outcome of a predicate that this block or one around it knows, else `x`."""
+        block: Block | None = self
+        while block is not None and isinstance(x, Value):
+            known = block.outcomes.get(x.number)
+            if known is not None:
+                return np.bool_(known)
+            block = block.outer
+        return x
 
     def calls(self) -> "Iterator[Call]":
         """Calls in this block and in the blocks inside it."""

@@ -122,6 +122,45 @@ def _largest(omega):
     return jnp.where((best > 8) | (best < 0), 7.5, best * x)
 
 
+def _tested(omega):
+    """What a loop tests holds in its body, and so does what it tested first."""
+    spins = omega[2] > 0.25
+
+    def turn(carry):
+        goes, number, x = carry
+        x = jnp.where(goes & spins & (jnp.abs(x[0]) < 2.0), jnp.sin(x), 7.5)
+        return omega[1] > x[0], number + 1, x
+
+    def goes_on(carry):
+        return carry[0] & (carry[1] < 9) & (jnp.abs(carry[2][0]) < 2.0)
+
+    return jax.lax.while_loop(goes_on, turn, (spins, 0, omega[:2]))[2]
+
+
+def _in_branches(omega):
+    """The predicate of a branch is true in it, and false in the other one."""
+    spins = (omega[2] > 0.25) & (omega[1] > 0.125)
+
+    def fast(x):
+        return jnp.where(omega[1] > 0.125, jnp.sin(jnp.cos(jnp.sin(x))), 7.5)
+
+    def slow(x):
+        return jnp.where(spins, 7.5, jnp.cos(jnp.sin(jnp.cos(x))))
+
+    return jax.lax.cond(spins, fast, slow, omega[:2])
+
+
+def _again_in_a_branch(omega):
+    """Only in a branch is its predicate known: its opposite is still tested after it."""
+    spins = omega[2] > 0.25
+
+    def fast(x):
+        return jnp.sin(jnp.cos(jnp.sin(x)))
+
+    branch = jax.lax.cond(spins, fast, lambda x: x, omega[:2])
+    return branch + jnp.where(spins, 1.5, branch)
+
+
 _FUNCTIONS = [
     _opposites,
     _chosen_again,
@@ -132,6 +171,8 @@ _FUNCTIONS = [
     _remainder,
     _looked_up,
     _largest,
+    _tested,
+    _in_branches,
 ]
 
 
@@ -171,6 +212,10 @@ def test_what_is_never_chosen_is_not_printed(function):
 
 def test_what_is_chosen_stays_the_argument_of_a_function():
     assert "? 2.0 : sqrt(in->omega[1]);" in _text(_Law(_divided))
+
+
+def test_the_predicate_of_a_branch_is_known_only_in_it():
+    assert "? 1.5 :" in _text(_Law(_again_in_a_branch))
 
 
 def test_a_count_that_is_less_than_the_width_is_not_tested():

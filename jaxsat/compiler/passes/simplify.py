@@ -1,5 +1,7 @@
 """Simplification: neutral and absorbing operands, and predicates that are known."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from jaxsat.compiler.ir import Scalar, Value
@@ -65,9 +67,10 @@ def _with_absorbing(x: Scalar, y: Scalar, absorbing) -> Scalar | None:
 
 
 class Predicates:
-    """Known opposites among predicates, and selections by them."""
+    """Known opposites among predicates, what others are made of, and selections by them."""
 
     def __init__(self):
+        self._joined: dict[int, tuple[str, tuple[Scalar, ...]]] = {}
         self._opposite: dict[int, Scalar] = {}
         self._selected: dict[int, tuple[Scalar, ...]] = {}
 
@@ -77,6 +80,34 @@ class Predicates:
             self._selected[out.number] = args
         elif name == "xor" and out.dtype == BOOL and _is(args[1], True):
             self._opposite[out.number] = args[0]
+        elif name in ("and", "or") and out.dtype == BOOL:
+            self._joined[out.number] = (name, args)
+
+    def implied(self, predicate: Scalar, *, holds: bool) -> dict[int, bool]:
+        """Return the outcomes of predicates, by number, that follow from the outcome of one."""
+        if not isinstance(predicate, Value):
+            return {}
+        found = {predicate.number: holds}
+        if predicate.number in self._opposite:
+            found |= self.implied(self._opposite[predicate.number], holds=not holds)
+        name, args = self._joined.get(predicate.number, ("", ()))
+        if (name == "and") == holds:
+            for one in args:
+                found |= self.implied(one, holds=holds)
+        return found
+
+    def tested(
+        self, active: Scalar, params: Sequence[Value], before: Sequence[Scalar]
+    ) -> dict[int, bool]:
+        """Return the outcomes of predicates in the body of a loop that runs while `active`.
+
+        The first test held too, of the initial values (`before`) of the loop's params.
+        """
+        found = self.implied(active, holds=True)
+        for param, first in zip(params, before, strict=True):
+            if param.number in found:
+                found |= self.implied(first, holds=found[param.number])
+        return found
 
     def parts(self, name: str, args: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
         """Return the operands, of a selection without inner selections by the same predicate."""
