@@ -277,16 +277,27 @@ class Builder:
             self.ranges.note(outs[0], 0, len(args) - 1)  # pyright: ignore
         return outs
 
-    def call(self, function: ir.Function, args: Sequence[ir.Scalar]) -> list[ir.Scalar]:
-        """Return the results of a function for these arguments."""
+    def call(
+        self,
+        function: ir.Function,
+        args: Sequence[ir.Scalar],
+        bounds: Sequence[tuple[int, int] | None] | None = None,
+    ) -> list[ir.Scalar]:
+        """Return the results of a function for these arguments.
+
+        `bounds` are the known ranges of its results, by default those where it was lowered.
+        """
         key = ("call", function.name, *map(identity, args))
         cached = self.block.find(key)
         if cached is not None:
             return list(cached)  # pyright: ignore[reportArgumentType]
         outs = [ir.Value(result.dtype, ir.is_uniform(result)) for result in function.results]
         self.block.steps.append(ir.Call(function, list(args), outs))
-        for out, result in zip(outs, function.results, strict=True):
-            self.ranges.note_among(out, [result])
+        if bounds is None:
+            bounds = [self.ranges.of(x) for x in function.results]
+        for out, known in zip(outs, bounds, strict=True):
+            if known is not None:
+                self.ranges.note(out, *known)
         self._note(*outs)
         self.block.known[key] = outs  # pyright: ignore[reportArgumentType]
         return list(outs)

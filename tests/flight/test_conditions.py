@@ -239,3 +239,63 @@ def test_a_helper_does_not_limit_a_place_that_is_within_bounds():
     assert "written(in, now, next," in text
     tests = re.findall(r" ((?:==|<) \d+)(?:;$|\))", text, re.MULTILINE)
     assert sorted(tests) == ["< 0", "== 0", "== 1", "== 2", "== 3"]  # of the count, and of rows
+
+
+class _Twice(_Keeping):
+    """A law that calls a helper with places of different ranges."""
+
+    helper: object = eqx.field(static=True, default=None)
+
+    def step(self, t, state, memory):
+        """What the helper makes of a place within bounds, and of any place."""
+        within, anywhere = memory.count % 4, memory.count
+        command = self.helper(state.omega, within) + self.helper(2.0 * state.omega, anywhere)
+        return command[:2], _History(memory.rows, memory.count + 1)
+
+
+def _scaled(x, i):
+    """Its steps are the same for any number."""
+    for k in range(9):
+        x = x - 0.05 * (x - i) / (1.0 + k * x**2)
+    return x
+
+
+def _picked(x, i):
+    """A place within bounds is not limited."""
+    for k in range(9):
+        x = x - 0.05 * (x - x[i]) / (1.0 + k * x**2)
+    return x
+
+
+@pytest.mark.parametrize(("helper", "functions"), [(_scaled, 1), (_picked, 2)])
+def test_calls_with_other_ranges_share_a_function_of_the_same_steps(helper, functions):
+    text = _text(_Twice(helper=helper))
+    name = helper.__name__.strip("_")
+    assert len(re.findall(rf"^static void {name}(?:_\d+)?\(", text, re.MULTILINE)) == functions
+
+
+def _next(x, i):
+    """The place is followed by the next one, of four."""
+    for k in range(9):
+        x = x - 0.05 * x / (1.0 + k * x**2)
+    return x, i + 1
+
+
+class _Following(_Keeping):
+    """A law that calls a helper with places of different ranges, and uses those that it returns."""
+
+    def step(self, t, state, memory):
+        """Only the place that is known to be within bounds is not limited."""
+        rows = memory.rows
+        x, first = _next(state.omega, memory.count % 3)
+        y, second = _next(x, memory.count)
+        return (x + y + rows[first] + rows[second])[:2], _History(rows, memory.count + 1)
+
+
+def test_a_shared_function_has_the_range_of_each_of_its_calls():
+    text = _text(_Following())
+    assert len(re.findall(r"^static void next(?:_\d+)?\(", text, re.MULTILINE)) == 1
+    places = re.findall(r"now->law_rows\[(\w+)\]\[0\]", text)
+    assert len(places) == 2
+    limited = [re.search(rf"{place} = minimum_i32", text) is not None for place in places]
+    assert limited == [False, True]

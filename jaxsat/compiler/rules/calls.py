@@ -22,6 +22,7 @@ from jaxsat.compiler.lowering import (
     written,
 )
 from jaxsat.compiler.passes.dead_code import without_dead_code
+from jaxsat.compiler.passes.forms import form_of
 from jaxsat.core.jax_internals import CALL
 
 
@@ -66,9 +67,10 @@ def _shared_call(b: Builder, eqn, inner, arrays: Sequence[Elements]) -> list[Ele
 def _outlined_call(b: Builder, inner, arrays: Sequence[Elements]) -> list[Elements]:
     """Call a Python function, which is lowered once for all equal uses.
 
-    Integers with other ranges are another use. Constants are passed like values, except integers,
-    which mostly are indices, and those of a function that is called once. Unused arrays are not
-    passed, and results that are constants or arguments are not returned.
+    Integers with other ranges are another use, unless the function's steps are the same. Constants
+    are passed like values, except integers, which mostly are indices, and those of a function that
+    is called once. Unused arrays are not passed, and results that are constants or arguments are
+    not returned.
     """
     once = b.outlined[id(inner)][3] == 1
     folded = [
@@ -86,10 +88,10 @@ def _outlined_call(b: Builder, inner, arrays: Sequence[Elements]) -> list[Elemen
     key = (id(inner), *constants, *kinds, *ranges)
     if key not in b.variants:
         b.variants[key] = _python_function(b, inner, arrays, folded)
-    function, needs, plan = b.variants[key]
+    function, needs, plan, bounds = b.variants[key]
     if function.source is not None and function.source.results:
         args = scalars_of([array for array, want in zip(arrays, needs, strict=True) if want])
-        parts = iter(arrays_of(b.call(function, args), function.source.results))
+        parts = iter(arrays_of(b.call(function, args, bounds), function.source.results))
     else:
         parts = iter(())
     every = scalars_of(arrays)
@@ -113,7 +115,8 @@ def _array_of(plan: Elements, scalars: Sequence[Scalar]) -> Elements:
 
 
 def _python_function(b: Builder, inner, arrays: Sequence[Elements], folded: Sequence[bool]):
-    """Lower a Python function; return it, its needed arrays, and the origin of unmade results."""
+    """Lower a Python function; return it or an earlier one with the same steps, its needed arrays,
+    the origin of unmade results, and the ranges of the others."""
     _, name, file, _ = b.outlined[id(inner)]
     inside = []
     for array, fold in zip(arrays, folded, strict=True):
@@ -140,7 +143,9 @@ def _python_function(b: Builder, inner, arrays: Sequence[Elements], folded: Sequ
     function.params = scalars_of(inputs)  # pyright: ignore[reportAttributeAccessIssue]
     shapes = [array.shape for array in inputs], [array.shape for array in own_results]
     function.source = Source(name, file, *shapes)
-    return function, needs, plan
+    bounds = [b.ranges.of(x) for x in function.results]
+    function = b.variants.setdefault((id(inner), form_of(function)), function)
+    return function, needs, plan, bounds
 
 
 def _argument(b: Builder, x: Scalar) -> Value:
