@@ -3,7 +3,7 @@
 import ctypes
 import subprocess
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -12,6 +12,7 @@ import numpy as np
 
 from jaxsat.control.navigation.estimator import AbstractEstimator, Estimate
 from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.core.attitude import Quaternion
 from jaxsat.flight import vectors
 from jaxsat.flight.flight import Input, Measured, Seen
 from jaxsat.flight.guard import groups, guard_header, status_bits
@@ -212,3 +213,69 @@ class Flights:
         self.state = self._after(number, self.state, np.array(commands))
         self.number += 1
         return status
+
+
+FAULTS = ("none", "not a number", "gap", "infinite", "zero quaternion", "skipped", "repeated")
+"""Faults of measurements in `faulty_flights`, one a flight."""
+
+
+class FaultyFlights(NamedTuple):
+    """Status of each sample and flight, and the plants at the end."""
+
+    status: np.ndarray
+    plant: Any
+
+
+def faulty_flights(
+    loop: SampledLoop, start: PlantState, guarded: Guarded, duration: float
+) -> FaultyFlights:
+    """Flights for a duration (s), each with one of `FAULTS`, from 10 s on.
+
+    The gap has 50 samples, infinite rates 5, and zero quaternions 20.
+    """
+    flights = Flights(loop, start, guarded, len(FAULTS))
+    for which in range(len(FAULTS)):
+        guarded.begin(which, attitude=start.attitude.as_quaternion().q)
+    rate = guarded.places("rate" if guarded.program.estimates else "omega")
+    attitude = guarded.places("attitude")
+    begin = round(10 / flights.length)
+
+    def faults(number: int, which: int, row: np.ndarray) -> frozenset[str]:
+        since, fault = number - begin, FAULTS[which]
+        if fault == "not a number" and since == 0:
+            row[rate[1]] = np.nan
+        elif fault == "gap" and 0 <= since < 50:
+            row[rate] = row[attitude] = np.nan
+        elif fault == "infinite" and 0 <= since < 5:
+            row[rate] = np.inf
+        elif fault == "zero quaternion" and 0 <= since < 20:
+            row[attitude] = 0.0
+        elif fault == "skipped" and since >= 0:
+            row[0] += 3
+        elif fault == "repeated" and since == 0:
+            row[0] -= 1
+        return frozenset()
+
+    status = np.array([flights.period(faults) for _ in range(round(duration / flights.length))])
+    return FaultyFlights(status, flights.state.plant)
+
+
+def pointing_errors(plant: Any) -> np.ndarray:
+    """Angles (deg) between the body frames of plants and the orbit frame."""
+    q: Quaternion = jax.vmap(lambda one: one.as_quaternion())(plant.attitude)
+    return np.degrees(2 * np.arccos(np.minimum(1.0, np.abs(np.asarray(q.q)[:, 0]))))
+
+
+def check_status(flown: FaultyFlights, guarded: Guarded, length: float) -> None:
+    """Each fault is told, commands are held for 10 samples and zero after, as long as it lasts."""
+    status, bits = flown.status, guarded.bits
+    begin = round(10 / length)
+    waited = 0 if guarded.program.estimates else 20
+    waits = ((status & (bits["HELD"] | bits["ZERO"])) != 0).sum(axis=0)
+    assert waits.tolist() == [0, 1, 50, 5, waited, 0, 1]
+    zeros = ((status & bits["ZERO"]) != 0).sum(axis=0)
+    assert zeros.tolist() == [0, 0, 40, 0, max(0, waited - 10), 0, 0]
+    assert (status[begin : begin + 20, 4] & bits["INVALID_ATTITUDE"]).any()
+    told = {name: np.argwhere(status & bits[name]).tolist() for name in ("SKIPPED", "REPEATED")}
+    assert told["REPEATED"] == [[begin, 6]]
+    assert told["SKIPPED"] == [[begin, 5], [begin + 1, 6]]
