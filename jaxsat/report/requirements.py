@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxsat.core.declaration.requirements import comparisons
-from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS
+from jaxsat.core.declaration.sensor import TACHOMETER
+from jaxsat.core.declaration.sensors import SENSORS
 from jaxsat.core.text import number_text
 from jaxsat.report.document import Cell, Shown, Table
 from jaxsat.report.facts import scenario_tables
@@ -85,10 +86,11 @@ def _judgement(dataset: Dataset, scenario: dict, requirement: RequirementTable) 
 
 def _failure_times(dataset: Dataset, scenario: dict) -> np.ndarray:
     """Times (s) of all failures of actuators and sensors, as drawn for the case of a study."""
-    tables, sensors = scenario.get("failure", ()), [one.name for one in ATTITUDE_SENSORS]
+    tables, sensors = scenario.get("failure", ()), [TACHOMETER, *(one.name for one in SENSORS)]
     each = []
     for name, of_sensors in (("drawn_failure_time", False), ("drawn_sensor_failure_time", True)):
-        declared = [float(one["at_s"]) for one in tables if (one["of"] in sensors) == of_sensors]
+        each_of = ((one["of"].partition(" ")[0] in sensors, one["at_s"]) for one in tables)
+        declared = [float(at) for of_sensor, at in each_of if of_sensor == of_sensors]
         each.append(np.ravel(dataset.attrs.get(name, declared)))
     return np.concatenate(each)
 

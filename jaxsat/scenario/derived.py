@@ -18,6 +18,7 @@ from jaxsat.core.allocation import (
     unit_columns,
 )
 from jaxsat.core.declaration.actuators import PASSIVE, STEERED
+from jaxsat.core.declaration.sensor import TACHOMETER
 from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.scenario.parts.torque_makers import TorqueMakers, signs
@@ -44,8 +45,10 @@ def believed_axes(scenario: Any) -> Float[np.ndarray, "3 m"]:
 
 def has_invalid_samples(scenario: Any) -> bool:
     """Whether a checked scenario may have samples at which its law makes no step."""
-    gyro_fails = scenario.gyro is not None and scenario.gyro.outage_start_s is not None
-    return gyro_fails or has_invalid_momenta(scenario)
+    gyro_ends = scenario.gyro is not None and scenario.gyro.outage_start_s is not None
+    gyro_fails = any(one.of == "gyro" for one in scenario.failure)
+    tachometer_fails = any(one.part == TACHOMETER for one in scenario.failure)
+    return gyro_ends or gyro_fails or tachometer_fails or has_invalid_momenta(scenario)
 
 
 def has_invalid_momenta(scenario: Any) -> bool:

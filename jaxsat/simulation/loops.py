@@ -286,6 +286,8 @@ def failures_of(loop: AbstractLoop) -> list[AbstractFailures]:
 
 
 def sensor_failures_of(loop: AbstractLoop) -> list[AbstractFailures]:
-    """The failures in flight of the sensors of a loop."""
-    navigation = getattr(loop, "navigation", None)
-    return [] if navigation is None or navigation.failures is None else [navigation.failures]
+    """The failures in flight of the sensors of a loop: attitude sensors, gyro, tachometers."""
+    navigation, tachometers = (getattr(loop, name, None) for name in ("navigation", "tachometers"))
+    sensors = [navigation, getattr(navigation, "gyro", None), tachometers]
+    failures = [getattr(one, "failures", None) for one in sensors]
+    return [one for one in failures if isinstance(one, AbstractFailures)]

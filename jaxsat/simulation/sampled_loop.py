@@ -8,7 +8,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, PyTree
+from jaxtyping import Array, Float, PyTree
 
 from jaxsat.control.controller import Memory
 from jaxsat.control.guard import Guard, GuardState
@@ -30,7 +30,8 @@ class SampledState(NamedTuple):
     """State of the plant, memory of its controller, and the memory of each effector.
 
     With a delay, `uses` are the last commands of the effectors. `navigation` is the state of
-    sensors and their estimator, `guard` that of the guard, None where there is none.
+    sensors and their estimator, `guard` that of the guard, `momenta` are the last readings of
+    tachometers that fail (N m s), None where there is none.
     """
 
     plant: PlantState
@@ -39,6 +40,7 @@ class SampledState(NamedTuple):
     uses: OfEach | None = None
     navigation: NavigationState | None = None
     guard: GuardState | None = None
+    momenta: Float[Array, " wheels"] | None = None
 
 
 class _Planned(NamedTuple):
@@ -65,7 +67,7 @@ class SampledLoop(AbstractLoop):
     a state; without either it receives the true state. A `delay` (s, at most one period) is the
     controller's computation time, during which effectors continue their previous commands; None is
     a loop without. `tachometers` measure the momenta of wheels; None for exact momenta. A `guard`
-    acts at samples with an outage of a gyro or a tachometer.
+    acts at samples at which a gyro or a tachometer is dead or has an outage.
     """
 
     plant: RigidBody
@@ -82,8 +84,9 @@ class SampledLoop(AbstractLoop):
         require_counts(substeps=self.substeps)
         gyro = None if self.navigation is None else self.navigation.gyro
         for name, one in (("gyro", gyro), ("tachometer", self.tachometers)):
-            if self.guard is None and one is not None and one.outage is not None:
-                raise ArgumentError("guard", f"must be given with a {name} that has an outage")
+            if self.guard is None and one is not None and one.repeats:
+                message = f"must be given with a {name} that fails or has an outage"
+                raise ArgumentError("guard", message)
         if self.sensors is not None and self.navigation is not None:
             raise ValueError("Arguments `sensors` and `navigation` must not both be given.")
         if self.delay is None:
@@ -110,6 +113,7 @@ class SampledLoop(AbstractLoop):
             tuple(one.init_memory() for one in effectors),
             None if self.delay is None else tuple(one.idle() for one in effectors),
             None if self.navigation is None else self.navigation.init(state),
+            momenta=None if self.tachometers is None else self.tachometers.first_readings(),
         )
         law_input = self.told(jnp.array(0), begin).state
         begin = begin._replace(memory=self.controller.init(law_input))
@@ -128,8 +132,11 @@ class SampledLoop(AbstractLoop):
         measurement = self._with_exact_momenta(number, state)
         if self.tachometers is None:
             return measurement
-        momenta = self.tachometers(number, measurement.state.of_each)
-        told = measurement._replace(state=dataclasses.replace(measurement.state, effectors=momenta))
+        each, last = self.tachometers(number, measurement.state.of_each), state.momenta
+        if last is not None:
+            each, last = self.tachometers.read(number, self.controller.period, each, last)
+        own = dataclasses.replace(measurement.state, effectors=each)
+        told = measurement._replace(state=own, momenta=last)
         valid = self.tachometers.is_valid(number, self.controller.period)
         if valid is None:
             return told
@@ -191,6 +198,7 @@ class SampledLoop(AbstractLoop):
             None if self.delay is None else shares.uses,
             measurement.navigation,
             guard,
+            measurement.momenta,
         )
         return after, carry, self._with_unmade(signals, shares)
 

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike
+from jaxtyping import Array, ArrayLike, UInt32
 
 from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
@@ -26,6 +26,7 @@ from jaxsat.core.errors import ArgumentError
 from jaxsat.spacecraft.environment.orbit import AbstractMagneticField
 from jaxsat.spacecraft.environment.orbital_torques import Sunlight
 from jaxsat.spacecraft.outages import outside_outages, require_outage
+from jaxsat.spacecraft.sensor_failures import GyroFailures
 
 
 class SensorContext(NamedTuple):
@@ -60,7 +61,8 @@ class Gyro(eqx.Module):
 
     Measurements are invalid for `outage` (s) from `outage_start` (s) on, which must be later than
     the first sample, and again `outage_every` (s) later and so on; None for the first two is no
-    outage, None for the last a single one.
+    outage, None for the last a single one. The gyros fail together, with the number 0 in
+    `failures`, after the first sample.
 
     Raises `ValueError` for a negative density, walk or deviation, a limit that is not positive, and
     an outage without a start or a length.
@@ -76,6 +78,7 @@ class Gyro(eqx.Module):
     outage_start: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
     outage: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
     outage_every: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
+    failures: GyroFailures | None = None
 
     def __check_init__(self):
         for name in ("bias", "scale_factor", "misalignment"):
@@ -101,10 +104,38 @@ class Gyro(eqx.Module):
             values["outage_every_s"],
         )
 
+    @property
+    def repeats(self) -> bool:
+        """Whether readings may be invalid or repeated."""
+        return self.outage is not None or self.failures is not None
+
     def is_valid(self, sample: IntScalar, period: RealScalar) -> BoolScalar | None:
-        """Whether the measurement of this sample is valid, None without an outage; samples are
-        `period` s apart."""
-        return outside_outages(sample, period, self.outage_start, self.outage, self.outage_every)
+        """Whether the measurement of this sample is valid, None without outages and failures;
+        samples are `period` s apart."""
+        times = (self.outage_start, self.outage, self.outage_every)
+        outside = outside_outages(sample, period, *times)
+        if self.failures is None:
+            return outside
+        works = ~self.failures.dead(sample, period, 1)[0]
+        return works if outside is None else outside & works
+
+    def read(
+        self,
+        sample: IntScalar,
+        period: RealScalar,
+        rate: Vector,
+        last: Vector,
+        key: UInt32[Array, "2"],
+    ) -> Vector:
+        """Return what is read in place of the measured `rate` (rad/s) after the reading `last`.
+
+        That is `last` while the rate is invalid. Spikes are a function of the `key`.
+        """
+        if self.failures is not None:
+            (condition,) = self.failures.conditions(sample, period, key, 1)
+            rate = jnp.where(condition.stuck, last, self._saturated(rate + condition.error))
+        valid = self.is_valid(sample, period)
+        return rate if valid is None else jnp.where(valid, rate, last)
 
     def rate_variance(self, period: RealScalar) -> RealScalar:
         """Return the white-noise variance of one sample, (rad/s)², for samples `period` s apart."""
@@ -124,6 +155,9 @@ class Gyro(eqx.Module):
         turned = omega - jnp.cross(self.misalignment, omega)
         white = jnp.sqrt(self.rate_variance(period)) * noise
         rate = (1 + self.scale_factor) * turned + bias + white
+        return self._saturated(rate)
+
+    def _saturated(self, rate: Vector) -> Vector:
         return jnp.minimum(jnp.maximum(rate, -self.limit), self.limit)
 
 

@@ -14,6 +14,7 @@ from jaxsat.core.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.core.checks import as_optional_float, not_negative, require_positive
 from jaxsat.core.noise import fold_in, name_number, sample_noise
 from jaxsat.spacecraft.outages import outside_outages, require_outage
+from jaxsat.spacecraft.sensor_failures import TachometerFailures
 from jaxsat.spacecraft.wheels import WheelMomenta
 
 
@@ -103,7 +104,8 @@ class Tachometers(eqx.Module):
     32-bit words, which other sensors may share) and of the sample's number. A wheel's measurement
     is invalid for `outage` (s) from `outage_start` (s) on; an infinite start means never, None for
     both that no wheel has an outage. Another outage begins `outage_every` (s) after each begin,
-    None or infinite for a single one. Raises `ArgumentError` for negative noise or outages, and for
+    None or infinite for a single one. `failures` number the wheels, and strike after the first
+    sample. Raises `ArgumentError` for negative noise or outages, and for
     outages that leave no time between them.
     """
 
@@ -116,18 +118,56 @@ class Tachometers(eqx.Module):
     outage_every: Float[Array, " wheels"] | None = eqx.field(
         converter=as_optional_float, default=None
     )
+    failures: TachometerFailures | None = None
 
     def __check_init__(self):
         require_outage(self.outage_start, self.outage, self.outage_every)
         if self.outage is not None:
             require_positive("outage", self.outage, zero_allowed=True)
 
+    @property
+    def repeats(self) -> bool:
+        """Whether readings may be invalid or repeated."""
+        return self.outage is not None or self.failures is not None
+
     def is_valid(self, sample: IntScalar, period: RealScalar) -> BoolScalar | None:
-        """Whether all momenta of a sample are valid, None without outages; `period` is in s."""
+        """Whether all momenta of a sample are valid, None without outages and failures; `period`
+        is in s."""
         works = outside_outages(sample, period, self.outage_start, self.outage, self.outage_every)
+        if self.failures is not None:
+            alive = ~self.failures.dead(sample, period, self.noise.shape[0])
+            works = alive if works is None else alive & works
         return None if works is None else jnp.all(works)
 
-    def __call__(self, sample: IntScalar, effectors: PyTree) -> PyTree:
+    def first_readings(self) -> Float[Array, " wheels"] | None:
+        """Return the readings before the first sample, N m s; None without failures."""
+        return None if self.failures is None else jnp.zeros_like(self.noise)
+
+    def read(
+        self,
+        sample: IntScalar,
+        period: RealScalar,
+        measured: tuple[PyTree, ...],
+        last: Float[Array, " wheels"],
+    ) -> tuple[tuple[PyTree, ...], Float[Array, " wheels"]]:
+        """Return what is read in place of `measured` states of effectors after the momenta `last`
+        (N m s), and the next ones."""
+        if self.failures is None:
+            return measured, last
+        conditions = self.failures.conditions(sample, period, self.key, last.shape[0])
+        error = jnp.concatenate([one.error for one in conditions])
+        repeats = jnp.stack([one.stuck | one.dead for one in conditions])
+
+        def read(state: PyTree) -> PyTree:
+            if not isinstance(state, WheelMomenta):
+                return state
+            return WheelMomenta(jnp.where(repeats, last, state.momentum + error))
+
+        states = tuple(read(state) for state in measured)
+        (momenta,) = [one.momentum for one in states if isinstance(one, WheelMomenta)]
+        return states, momenta
+
+    def __call__(self, sample: IntScalar, effectors: PyTree) -> tuple[PyTree, ...]:
         """Return states of effectors with the measured momenta of wheels, N m s."""
         own = fold_in(self.key, jnp.asarray(name_number("tachometers"), jnp.uint32))
 

@@ -1,4 +1,4 @@
-"""What failed sensors read, sample by sample, against SciPy's rotations."""
+"""What failed sensors read, sample by sample, against SciPy's rotations and NumPy."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -9,9 +9,21 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jaxsat.core.declaration.sensor import SensorFailureKind
+from jaxsat.core.declaration.sensor import (
+    GyroFailureKind,
+    SensorFailureKind,
+    TachometerFailureKind,
+)
 from jaxsat.spacecraft.environment.orbit import ExactOrbit
-from jaxsat.spacecraft.sensor_failures import SensorFailures, SensorReading
+from jaxsat.spacecraft.navigation_sensors import Gyro
+from jaxsat.spacecraft.sensor_failures import (
+    GyroFailures,
+    SensorFailures,
+    SensorReading,
+    TachometerFailures,
+)
+from jaxsat.spacecraft.sensors import Tachometers
+from jaxsat.spacecraft.wheels import WheelMomenta
 
 PERIOD, RATE = 0.5, 1e-3
 KEY = jnp.array([3, 4], jnp.uint32)
@@ -19,7 +31,8 @@ KEY = jnp.array([3, 4], jnp.uint32)
 
 def failures(*each):
     """Failures of sensors, each (number, at, kind, amount, drift, quantile)."""
-    return SensorFailures(*zip(*each, strict=True), ExactOrbit(RATE))
+    columns = zip(*each, strict=True)
+    return SensorFailures(*columns, orbit=ExactOrbit(RATE))
 
 
 def vectors(events, readings, seen, sensor=0, count=2):
@@ -96,9 +109,70 @@ def test_spikes_have_their_probability_and_size(probability):
     events: Any = SensorFailures.from_tables([(0, table)], ExactOrbit(RATE))
 
     def turn(number):
-        return events.conditions(number, jnp.array(PERIOD), KEY, 1)[0].turn
+        return events.conditions(number, jnp.array(PERIOD), KEY, 1)[0].error
 
     turns = np.asarray(jax.vmap(turn)(jnp.arange(3000)))
     spikes = np.any(turns != 0, axis=1)
     assert abs(spikes.mean() - probability) <= 4 * np.sqrt(probability * (1 - probability) / 3000)
     assert abs(turns[spikes].std() / 0.2 - 1) < 0.1
+
+
+def gyros(kind, amount=0.0, drift=(0, 0, 0), quantile=0.0):
+    """Readings of gyros that fail at 2 s, of rates drawn by NumPy, and whether they are valid."""
+    events = GyroFailures([0], [2.0], [kind], [amount], [drift], [quantile])
+    gyro = Gyro(limit=3.0, failures=events)
+
+    def sample(last, now):
+        number, rate = now
+        read = gyro.read(number, jnp.array(PERIOD), rate, last, KEY)
+        return read, (read, gyro.is_valid(number, jnp.array(PERIOD)))
+
+    given = jnp.arange(len(READINGS)), jnp.array(READINGS)
+    read, valid = jax.lax.scan(sample, jnp.zeros(3), given)[1]
+    return np.asarray(read), np.asarray(valid)
+
+
+def test_gyros_repeat_their_last_rates_if_stuck_and_are_invalid_if_dead():
+    for kind, valid in ((GyroFailureKind.STUCK, 8), (GyroFailureKind.DEAD, 4)):
+        read, is_valid = gyros(kind)
+        np.testing.assert_array_equal(read, READINGS[[0, 1, 2, 3, 3, 3, 3, 3]])
+        np.testing.assert_array_equal(is_valid, np.arange(8) < valid)
+
+
+def test_rates_of_drifting_and_spiking_gyros_are_off_and_within_their_limit():
+    late = np.maximum(PERIOD * np.arange(8) - 2.0, 0)[:, None]
+    read, valid = gyros(GyroFailureKind.DRIFTING, drift=(0.5, -4.0, 0.0))
+    expected = np.clip(READINGS + late * [0.5, -4.0, 0.0], -3, 3)
+    np.testing.assert_allclose(read, expected, atol=1e-15)
+    assert np.any(expected == -3)
+    assert valid.all()
+    read, valid = gyros(GyroFailureKind.SPIKING, 1e-3, quantile=-np.inf)
+    error = read - READINGS
+    assert not error[:4].any()
+    assert np.all((np.abs(error[4:]) > 0) & (np.abs(error[4:]) < 5e-3))
+    assert valid.all()
+
+
+def test_tachometers_fail_each_for_itself():
+    kinds = [TachometerFailureKind.STUCK, TachometerFailureKind.DRIFTING]
+    events = TachometerFailures([2, 0], [2.0, 1.0], kinds, [0, 0], [[0], [0.3]], [0, 0])
+    tachometers = Tachometers([0.0, 0.0, 0.0], failures=events)
+
+    def sample(last, now):
+        number, momenta = now
+        measured = tachometers(number, ("other", WheelMomenta(momenta)))
+        read, last = tachometers.read(number, jnp.array(PERIOD), measured, last)
+        assert read[0] == "other"
+        return last, (read[1].momentum, tachometers.is_valid(number, jnp.array(PERIOD)))
+
+    given = jnp.arange(len(READINGS)), jnp.array(READINGS)
+    read, valid = jax.lax.scan(sample, tachometers.first_readings(), given)[1]
+    expected = READINGS.copy()
+    expected[4:, 2] = READINGS[3, 2]
+    expected[:, 0] += 0.3 * np.maximum(PERIOD * np.arange(8) - 1.0, 0)
+    np.testing.assert_allclose(read, expected, atol=1e-15)
+    assert np.all(valid)
+    dead = TachometerFailures([1], [2.0], [TachometerFailureKind.DEAD], [0], [[0]], [0])
+    tachometers = Tachometers([0.0, 0.0, 0.0], failures=dead)
+    is_valid = jax.vmap(lambda one: tachometers.is_valid(one, jnp.array(PERIOD)))(jnp.arange(8))
+    np.testing.assert_array_equal(is_valid, np.arange(8) < 4)

@@ -42,8 +42,8 @@ class NavigationState(NamedTuple):
     """The gyro's bias (rad/s), undelivered measurements, and the estimator's memory.
 
     The oldest undelivered one is first; None for sensors without latency. `rate` is the last valid
-    measurement of the gyro (rad/s), None where all are valid. `last` is the last reading of each
-    attitude sensor, None where none fails.
+    reading of the gyro (rad/s), None where all are valid and it does not fail. `last` is the last
+    reading of each attitude sensor, None where none fails.
     """
 
     bias: Vector
@@ -59,13 +59,14 @@ class Told(NamedTuple):
 
     `errors` of the estimated quantities, by the names of signals, are truth less estimate, and
     three times the computed deviations. `valid` is whether the law may use the input, None for
-    always.
+    always. `momenta` are the last readings of tachometers (N m s), None where none fails.
     """
 
     state: PlantState
     navigation: NavigationState | None = None
     errors: Mapping[str, Vector] = MappingProxyType({})
     valid: BoolScalar | None = None
+    momenta: Float[Array, " wheels"] | None = None
 
 
 class Navigation(eqx.Module):
@@ -107,7 +108,7 @@ class Navigation(eqx.Module):
         count, waiting = latency_of(self.tracker, self.vectors), None
         if count:
             waiting = jax.tree.map(lambda part: jnp.stack([part] * count), self._nothing(true))
-        rate = None if self.gyro.outage is None else jnp.zeros_like(state.omega)
+        rate = jnp.zeros_like(state.omega) if self.gyro.repeats else None
         last = None if self.failures is None else self._nothing(true)
         return NavigationState(self.gyro.first_bias(noise[:3]), waiting, memory, rate, last)
 
@@ -120,9 +121,8 @@ class Navigation(eqx.Module):
         """
         noise = sample_noise(self.key, sample, 9, plant.omega.dtype)
         rate = self.gyro.measured(plant.omega, state.bias, noise[:3], period)
-        valid = self.gyro.is_valid(sample, period)
-        if valid is not None and state.rate is not None:
-            rate = jnp.where(valid, rate, state.rate)
+        if state.rate is not None:
+            rate = self.gyro.read(sample, period, rate, state.rate, self.key)
         arriving, waiting = self._measured(sample, period, plant, noise[6:]), state.waiting
         arriving, readings = self._with_failures(sample, period, arriving, state.last)
         if waiting is not None:

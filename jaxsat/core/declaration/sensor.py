@@ -12,8 +12,11 @@ from jaxsat.core.ranges import (
     GYRO_BIAS,
     MISALIGNMENT,
     PROBABILITY,
+    RATE_NOISE,
     SECONDS,
+    TORQUE,
     TRACKER_NOISE,
+    WHEEL_NOISE,
     Range,
 )
 
@@ -30,6 +33,31 @@ SPIKE = number(
     "Standard deviation of the turn of a spike about each body axis",
     "rad",
     within=TRACKER_NOISE,
+    default=None,
+)
+RATE_DRIFT = number(
+    "drift_rad_s2",
+    "How fast its rates drift, body axes",
+    "rad/s²",
+    within=GYRO_BIAS,
+    size=3,
+    default=None,
+)
+RATE_SPIKE = number(
+    "spike_rad_s",
+    "Standard deviation of the error of each rate in a spike",
+    "rad/s",
+    within=RATE_NOISE,
+    default=None,
+)
+MOMENTUM_DRIFT = number(
+    "drift_N_m", "How fast its momentum drifts", "N m", within=TORQUE, default=None
+)
+MOMENTUM_SPIKE = number(
+    "spike_N_m_s",
+    "Standard deviation of the error of the momentum in a spike",
+    "N m s",
+    within=WHEEL_NOISE,
     default=None,
 )
 SPIKE_PROBABILITY = number(
@@ -49,6 +77,28 @@ class SensorFailureKind(AbstractFailureKind):
     SPIKING = 3, "spiking", "readings drawn at random are turned", SPIKE, SPIKE_PROBABILITY
 
 
+class GyroFailureKind(AbstractFailureKind):
+    """Kinds of failure of gyros."""
+
+    DEAD = 0, "dead", "its rates are invalid from then on"
+    STUCK = 1, "stuck", "it repeats its last rates"
+    DRIFTING = 2, "drifting", "its rates are off by drift_rad_s2 more and more", RATE_DRIFT
+    SPIKING = 3, "spiking", "rates drawn at random are off", RATE_SPIKE, SPIKE_PROBABILITY
+
+
+class TachometerFailureKind(AbstractFailureKind):
+    """Kinds of failure of the tachometer of a wheel."""
+
+    DEAD = 0, "dead", "its momentum is invalid from then on"
+    STUCK = 1, "stuck", "it repeats its last momentum"
+    DRIFTING = 2, "drifting", "its momentum is off by drift_N_m more and more", MOMENTUM_DRIFT
+    SPIKING = 3, "spiking", "momenta drawn at random are off", MOMENTUM_SPIKE, SPIKE_PROBABILITY
+
+
+TACHOMETER = "tachometer"
+"""The part of a wheel that a failure `of = "tachometer NAME"` strikes, by the wheel's name."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class SensorDeclaration(PartDeclaration):
     """A sensor of a sampled law with a table of its own.
@@ -58,14 +108,14 @@ class SensorDeclaration(PartDeclaration):
     - `place`: the attribute of a sampled loop that has the sensor.
     - `maker`: "module:Class.method" of the function that returns the sensor from a checked table
       and a `SensorContext`. Imports happen at first use.
-    - `kinds`: kinds of failure in flight, members of `SensorFailureKind`.
+    - `kinds`: kinds of failure in flight.
     """
 
     name: str
     meaning: str
     place: str
     maker: str
-    kinds: tuple[SensorFailureKind, ...] = ()
+    kinds: tuple[AbstractFailureKind, ...]
 
     def made(self, table: Mapping[str, Any], context: Any) -> Any:
         """Return the sensor of a checked table in a `SensorContext`."""

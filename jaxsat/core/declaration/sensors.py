@@ -2,6 +2,7 @@
 
 from jaxsat.core.declaration.keys import DispersibleQuantity, Key, PartDeclaration, number
 from jaxsat.core.declaration.sensor import (
+    GyroFailureKind,
     SensorDeclaration,
     SensorFailureKind,
     boresight,
@@ -69,6 +70,7 @@ GYRO = SensorDeclaration(
     place="navigation.gyro",
     maker="jaxsat.spacecraft.navigation_sensors:Gyro.from_table",
     summary="rate gyros",
+    kinds=tuple(GyroFailureKind),
     keys=(
         number(
             "noise_density_rad_s_sqrt_Hz",

@@ -11,16 +11,18 @@ from jaxsat.control.navigation.mekf import MultiplicativeFilter
 from jaxsat.control.navigation.navigation import Navigation
 from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float
+from jaxsat.core.declaration.sensor import TACHOMETER
 from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS, PATIENCE, PROBATION, SENSORS
 from jaxsat.core.noise import key_of_seed
 from jaxsat.scenario.build.plant import orbit_of, orbit_rate, sensor_context
 from jaxsat.scenario.build.plugin_trial import made_part, require_estimates
 from jaxsat.scenario.derived import has_invalid_momenta
+from jaxsat.scenario.parts.actuator import number_of
 from jaxsat.scenario.parts.sensors import EstimatorTable, OwnEstimatorTable, SamplingTable
 from jaxsat.scenario.plugins import ESTIMATOR, find_part
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft.environment.orbit import AbstractOrbit
-from jaxsat.spacecraft.sensor_failures import SensorFailures
+from jaxsat.spacecraft.sensor_failures import GyroFailures, SensorFailures, TachometerFailures
 from jaxsat.spacecraft.sensors import Sensors, Tachometers
 
 
@@ -43,18 +45,23 @@ def build_sampling(scenario: Scenario) -> tuple[Sensors | None, RealScalar | Non
 
 
 def build_tachometers(scenario: Scenario) -> Tachometers | None:
-    """Return the tachometers of a sampled law; None if all are exact and without an outage."""
+    """Return the tachometers of a sampled law; None if all are exact and none has an outage or
+    fails."""
     noise, key = tachometer_noise(scenario), key_of_seed(scenario.simulation.seed)
+    strikes = ((number_of(one.of, TACHOMETER, scenario.wheel), one) for one in scenario.failure)
+    given = [(number, one) for number, one in strikes if number is not None]
+    failures = TachometerFailures.from_tables(given)
     if has_invalid_momenta(scenario):
         names = (f"tachometer_outage{end}_s" for end in ("_start", "", "_every"))
-        given = [[getattr(one, name) for one in scenario.wheel] for name in names]
+        times = [[getattr(one, name) for one in scenario.wheel] for name in names]
         start, length, every = (
             [other if x is None else x for x in numbers]
-            for numbers, other in zip(given, (np.inf, 0.0, np.inf), strict=True)
+            for numbers, other in zip(times, (np.inf, 0.0, np.inf), strict=True)
         )
         is_single = np.isinf(every).all()
-        return Tachometers(noise, key, start, length, None if is_single else every)
-    return Tachometers(noise, key) if noise.any() else None
+        return Tachometers(noise, key, start, length, None if is_single else every, failures)
+    fails = noise.any() or failures is not None
+    return Tachometers(noise, key, failures=failures) if fails else None
 
 
 def tachometer_noise(scenario: Scenario) -> np.ndarray:
@@ -76,6 +83,9 @@ def build_navigation(scenario: Scenario) -> Navigation | None:
         if (table := getattr(scenario, one.name)) is not None
     }
     sensors.setdefault("tracker", None)
+    strikes = [(0, one) for one in scenario.failure if one.of == "gyro"]
+    failures = GyroFailures.from_tables(strikes)
+    sensors["gyro"] = dataclasses.replace(sensors["gyro"], failures=failures)
     table: Any = scenario.estimator or OwnEstimatorTable()
     orbit = orbit_of(scenario.orbit.relation, orbit_rate(scenario))
     navigation = Navigation(

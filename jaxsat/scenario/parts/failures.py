@@ -4,7 +4,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Literal
 
 from jaxsat.core.declaration.actuators import ACTUATORS
-from jaxsat.core.declaration.sensors import SENSORS
+from jaxsat.core.declaration.sensor import TACHOMETER, TachometerFailureKind
+from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS, SENSORS
 from jaxsat.core.declaration.thrusters import IDEAL_KINDS
 from jaxsat.scenario.errors import Issue, Location
 from jaxsat.scenario.parts.actuator import names_of, number_of
@@ -23,8 +24,10 @@ from jaxsat.scenario.wording import shown, suggestion
 _IDEAL = "thruster of thruster_torque_axes"
 _BY_NAME = {one.name: one for one in ACTUATORS}
 _TABLES = tuple(_BY_NAME)
-_SENSORS = {one.name: one.kinds for one in SENSORS if one.kinds}
-_KINDS = {one.name: one.kinds for one in ACTUATORS} | {_IDEAL: IDEAL_KINDS} | _SENSORS
+_SENSORS = {one.name: one.kinds for one in SENSORS}
+_OF_SENSORS = _SENSORS | {TACHOMETER: tuple(TachometerFailureKind)}
+_KINDS = {one.name: one.kinds for one in ACTUATORS} | {_IDEAL: IDEAL_KINDS} | _OF_SENSORS
+_TESTED = tuple(one.name for one in ATTITUDE_SENSORS)
 _WORDS = {
     name: ", ".join(f'"{kind.text}" ({kind.meaning})' for kind in kinds)
     for name, kinds in _KINDS.items()
@@ -53,7 +56,8 @@ class _Failure(ScenarioTable):
     of: Line = choice(
         "What fails, such as "
         + ", ".join(f'"{name} {number}"' for number, name in enumerate(_TABLES, 1))
-        + f' or "thruster" and its name; or a sensor, {", ".join(_SENSORS)}'
+        + f' or "thruster" and its name; or a sensor, {", ".join(_SENSORS)}, or "tachometer" and '
+        "the name or number of its wheel"
     )
     at_s: Time = quantity("When it fails", "s")
     kind: FailureName = choice(f"How it fails. {_KINDS_IN_WORDS}")
@@ -73,13 +77,14 @@ class FailureTable(table_with(fields_of(_AMOUNTS.values()), _Failure)):
     @property
     def of_sensor(self) -> bool:
         """Whether a sensor fails, not an actuator."""
-        return self.of in _SENSORS
+        return self.part in _OF_SENSORS
 
 
 @rule_over("failure", "spacecraft.thruster_torque_axes", *_TABLES)
 def _failures_have_something_to_strike(values):
     tables = {name: values[name] for name in _TABLES}
     tables["thruster"] = tables["thruster"] or values["spacecraft.thruster_torque_axes"] or ()
+    tables[TACHOMETER] = tables["wheel"]
     sensors = [name for name in _SENSORS if any(key.startswith(f"{name}.") for key in values)]
     for number, one in enumerate(values["failure"]):
         if one.of not in sensors and number_of(one.of, one.part, tables.get(one.part, ())) is None:
@@ -102,6 +107,17 @@ def _one_actuator_fails_once_at_a_time(failures):
                     f"later one replaces the earlier, and at one instant neither is (here "
                     f'"{other.kind}" and "{one.kind}"), got {shown(one.at_s)}',
                 )
+
+
+@rule("failure", "control.law")
+def _gyros_and_tachometers_fail_after_the_first_sample(failures, law):
+    for number, one in enumerate(failures):
+        if one.part == TACHOMETER and not law.declaration.sampled:
+            message = f'must not be a tachometer under the law "{law}", which is not sampled'
+            yield Issue(("failure", number, "of"), f"{message}, got {shown(one.of)}")
+        if one.part in ("gyro", TACHOMETER) and one.at_s <= 0:
+            message = f"must be above 0 for a {one.part}, after the first sample"
+            yield Issue(("failure", number, "at_s"), f"{message}, got {shown(one.at_s)}")
 
 
 @rule("failure", "thruster")
@@ -198,7 +214,7 @@ def _untested(scenario: Any) -> Iterator[Issue]:
     if kind != "mekf" or getattr(estimator, "false_alarm_probability", None) is not None:
         return
     for one in scenario.failure:
-        if one.of_sensor and one.kind != "dead":
+        if one.of in _TESTED and one.kind != "dead":
             message = (
                 f"should be given, else the filter uses every reading of the failed {one.of}, got "
                 "nothing"

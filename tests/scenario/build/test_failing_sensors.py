@@ -20,6 +20,7 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.scenario.errors import ScenarioWarning
+from jaxsat.simulation.loops import sensor_failures_of
 from jaxsat.store.dataset import trajectory_dataset
 from jaxsat.store.tables import case_table, open_study
 from jaxsat.studies.run import run_study
@@ -98,9 +99,21 @@ def loaded(folder, text, changes=(), purpose: Any = None):
 @pytest.mark.parametrize(
     ("text", "key", "message"),
     [
-        (failure("star_trackr"), "failure.of", 'must name one of "star_tracker", "magnetometer", '),
+        (failure("star_trackr"), "failure.of", 'must name one of "gyro", "star_tracker", '),
         (failure("star_trackr"), "failure.of", 'got "star_trackr", did you mean star_tracker?'),
-        (failure("gyro"), "failure.of", 'must name one of "star_tracker", "magnetometer", '),
+        (failure("tachometer 4"), "failure.of", 'got "tachometer 4"'),
+        (failure("gyro", at=0), "failure.at_s", "must be above 0 for a gyro, after the first"),
+        (failure("tachometer 1", at=0), "failure.at_s", "must be above 0 for a tachometer, after"),
+        (
+            failure("gyro", "stuck", more="drift_rad_s = [0, 0, 1]"),
+            "failure.drift_rad_s",
+            'must not be given for a failure of kind "stuck"',
+        ),
+        (
+            failure("tachometer 1", "spiking", more="spike_probability = 0.1"),
+            "failure.spike_N_m_s",
+            'must be given for a failure of kind "spiking", got nothing',
+        ),
         (failure("horizon_sensor"), "failure.of", 'got "horizon_sensor"'),
         (failure(kind="stuk"), "failure.kind", "did you mean stuck?"),
         (
@@ -213,10 +226,18 @@ def test_times_of_failures_are_drawn(tmp_path):
         loaded(tmp_path, TEST + failure() + drawn, purpose="study")
 
 
+OTHERS = (
+    failure("gyro", "spiking", more="spike_deg_s = 0.1\nspike_probability = 0.1")
+    + failure("tachometer 1", "stuck")
+    + failure("tachometer 2", "drifting", more="drift_N_m = 1e-5")
+)
+
+
 @pytest.mark.slow
-def test_engines_agree_and_a_case_alone_has_the_same_bits(tmp_path):
+@pytest.mark.parametrize("failing", [failure(), OTHERS], ids=["tracker", "gyro, tachometers"])
+def test_engines_agree_and_a_case_alone_has_the_same_bits(tmp_path, failing):
     changes = ["simulation.duration_s=20"]
-    scenario = loaded(tmp_path, TEST + failure() + DRAWN, changes, purpose="study")
+    scenario = loaded(tmp_path, TEST + failing + DRAWN, changes, purpose="study")
     found = {
         engine: build_study(scenario, 5, engine=engine, batch_size=6).evaluate(np.arange(5))
         for engine in ("native", "diffrax")
@@ -224,6 +245,46 @@ def test_engines_agree_and_a_case_alone_has_the_same_bits(tmp_path):
     np.testing.assert_allclose(found["native"].omega, found["diffrax"].omega, atol=1e-9)
     alone = build_study(scenario, 5, engine="native", batch_size=6).evaluate(np.array([3]))
     np.testing.assert_array_equal(alone.omega[0], found["native"].omega[3])
+
+
+OUTAGES = {
+    "gyro": ("[gyro]\n", "[gyro]\noutage_start_s = 3\noutage_s = 1e8\n"),
+    "tachometer 2": (
+        "axis = [0, 1, 0]\n",
+        "axis = [0, 1, 0]\ntachometer_outage_start_s = 3\ntachometer_outage_s = 1e8\n",
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", OUTAGES)
+def test_what_is_dead_flies_as_in_an_outage_that_never_ends(tmp_path, part):
+    """Bit for bit, with commands that are held for ten samples and then zero."""
+    changes = ["simulation.duration_s=20", "initial.omega_rad_s=[0.002,0.001,-0.001]"]
+    dead = build(loaded(tmp_path, TEST + failure(part, "dead", 3), changes)).simulate()
+    path = tmp_path / "own.toml"
+    path.write_text((BASE + SENSORS + TEST).replace(*OUTAGES[part]), encoding="utf-8")
+    outage = build(load(path, changes)).simulate()
+    np.testing.assert_array_equal(dead.signals.omega, outage.signals.omega)
+    np.testing.assert_array_equal(dead.signals.torque, outage.signals.torque)
+    commands = np.abs(dead.signals.parts["wheel_torque"]).max(axis=1)
+    time = np.asarray(dead.times)
+    assert np.all(commands[(time > 3.05) & (time < 3.95)] > 0)
+    assert not commands[time > 4.05].any()
+
+
+def test_failures_of_gyro_and_tachometers_are_built(tmp_path):
+    text = TEST + failure("gyro", "drifting", 5, "drift_deg_s2 = [0, 0, 0.1]")
+    text += failure("tachometer 3", "spiking", 9, "spike_N_m_s = 0.1\nspike_probability = 0.5")
+    loop: Any = build(loaded(tmp_path, text)).loop
+    gyro, wheels = loop.navigation.gyro.failures, loop.tachometers.failures
+    np.testing.assert_allclose(gyro.drift, np.radians([[0, 0, 0.1]]))
+    np.testing.assert_array_equal(wheels.number, [2])
+    np.testing.assert_allclose(wheels.amount, [0.1])
+    np.testing.assert_allclose(wheels.quantile, [0], atol=1e-15)
+    assert loop.navigation.failures is None
+    assert loop.guard is not None
+    assert sensor_failures_of(loop) == [gyro, wheels]
 
 
 def example():
@@ -331,3 +392,10 @@ def test_a_study_counts_rejections_and_exclusions(tmp_path):
         assert name == ("star tracker" if columns is found else "1")
         assert rejected == 15
         assert fraction.text.startswith("100.00%")
+
+
+def test_tachometers_fail_under_sampled_laws_alone():
+    wheel = "wheel=[{axis=[0,0,1],torque_limit_N_m=0.1}]"
+    failing = 'failure=[{of="tachometer 1",at_s=3,kind="stuck"}]'
+    with pytest.raises(ScenarioError, match='must not be a tachometer under the law "three-axis"'):
+        load("paper-three-axis", [wheel, failing])
