@@ -214,24 +214,24 @@ def unchanged(folder: Path, before_ns: int) -> bool:
 
     A long-running program may import modules that were edited since it began.
     """
-    times = [max(one.st_mtime_ns, one.st_ctime_ns) for one in map(Path.stat, _files(folder))]
+    times = [max(one.st_mtime_ns, one.st_ctime_ns) for one in map(os.stat, _files(folder))]
     return max(times, default=before_ns) < before_ns - CLOCK_NS
 
 
 def sources_hash(folder: Path) -> str:
     """A hash of the names, contents and times of all files in a folder."""
     digest = hashlib.sha256()
-    for file in _files(folder):
-        content = file.read_bytes()
-        name = file.relative_to(folder).as_posix()
-        digest.update(f"{name} {len(content)} {file.stat().st_mtime_ns}\n".encode())
+    for name in _files(folder):
+        with open(name, "rb", buffering=0) as file:
+            content, status = file.read(), os.fstat(file.fileno())
+        digest.update(f"{name[len(str(folder)) :]} {len(content)} {status.st_mtime_ns}\n".encode())
         digest.update(content)
     return digest.hexdigest()
 
 
-def _files(folder: Path) -> list[Path]:
+def _files(folder: Path) -> list[str]:
     return sorted(
-        Path(parent, name)
+        os.path.join(parent, name)
         for parent, _, names in os.walk(folder)
         for name in names
         if not parent.endswith("__pycache__")  # where files come and go as Python compiles

@@ -8,21 +8,37 @@ class of another module counts by its name, and objects that a running program c
 counters, cached results) only by their type.
 """
 
+import dataclasses
 import enum
 import functools
 import hashlib
 import marshal
 import sys
-from collections.abc import Iterator
 from importlib.machinery import SourceFileLoader
 from types import FunctionType, MappingProxyType, MethodType, ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from jaxsat.core.once import once_property
+from jaxsat.core.process import no_collection
+
+
+class _Named(NamedTuple):
+    """A value that counts by its name, outside the module that defines it."""
+
+    home: Any
+    tree: tuple[str, str]
+    value: Any
+
 
 _PLAIN = {int, bool, float, complex, str, bytes, type(None), type(...)}
+
+_BLANK = {
+    kind: f"{kind.__module__}:{kind.__qualname__}"
+    for kind in (dataclasses.Field, type(_Named.home))
+}
+"""Kinds that dataclasses and named tuples have for each field, and that hold nothing hashed."""
 
 _CONTAINERS = (list, dict, set)
 
@@ -47,7 +63,8 @@ _HOLDERS = {
 def loaded_code(package: str) -> dict[str, bytes]:
     """A hash of every imported module inside a package, by name."""
     content = _Content(f"{package}.")
-    return {name: content.hash_of(module) for name, module in _imported(package)}
+    with no_collection():
+        return {name: content.hash_of(module) for name, module in _imported(package)}
 
 
 def loaded_as_written(package: str) -> bool:
@@ -68,14 +85,16 @@ def _imported(package: str) -> list[tuple[str, ModuleType]]:
 
 
 class _Content:
-    """Hashed content of values, as trees that `repr` distinguishes.
+    """Content of values as trees of plain values and code, all of which `marshal` distinguishes.
 
     Containers and objects, which many modules share, are represented by a hash of their tree.
+    What is known of a value is kept with it, so that no other value gets its `id`.
     """
 
     def __init__(self, prefix: str):
         self._prefix = prefix
-        self._hashes: dict[int, bytes] = {}
+        self._named: dict[int, _Named] = {}
+        self._hashed: dict[int, tuple[bytes, Any]] = {}
         self._above: set[int] = set()
         self._circles = 0
 
@@ -87,87 +106,112 @@ class _Content:
                 for name, value in sorted(vars(module).items())
                 if not name.startswith("__")
                 and not (isinstance(value, _CONTAINERS) and name != name.upper())
+                and value is not sys.modules.get(f"{module.__name__}.{name}")
             ]
         )
 
     def _of(self, value: Any, module: str = "") -> Any:
         """The tree of a value; functions and classes of the `module` count as a whole."""
-        kind = type(value)
-        if kind in _PLAIN or isinstance(value, enum.Enum):
+        kind, number = type(value), id(value)
+        if kind in _PLAIN:
             return value
-        if id(value) in self._above:
+        if kind in _BLANK:
+            return _BLANK[kind]
+        if kind is FunctionType and value.__module__ == module and not _around(value):
+            return _name(value), value.__code__
+        if number in self._above:
             self._circles += 1
             return "around this"
-        if kind is ModuleType or not self._is_whole(value, module):
-            return _name(kind), _name(value)
-        if id(value) in self._hashes:
-            return self._hashes[id(value)]
-        circles = self._circles
-        self._above.add(id(value))
-        tree = _name(kind), *self._parts(value)
-        self._above.remove(id(value))
-        if self._circles == circles and not isinstance(value, type | FunctionType):
-            self._hashes[id(value)] = tree = _hash(tree)
-        return tree
-
-    def _is_whole(self, value: Any, module: str) -> bool:
-        """Whether more than the name counts: in the value's own module, or without a place."""
+        if number in self._hashed:
+            return self._hashed[number][0]
+        if number in self._named and self._named[number].home != module:
+            return self._named[number].tree
+        if isinstance(value, enum.Enum):
+            return _name(kind), value.name, self._of(value.value)
         home = getattr(value, "__module__", None)
+        if kind is ModuleType or not self._is_whole(value, home, module):
+            tree = _name(kind), _name(value)
+            self._named[number] = _Named(home, tree, value)
+            return tree
+        circles = self._circles
+        self._above.add(number)
+        tree = _name(kind), *self._parts(value, kind, home)
+        self._above.remove(number)
+        if isinstance(value, type | FunctionType):
+            return tree
+        digest = _hash(tree)
+        if self._circles == circles and home != module:  # a whole everywhere
+            self._hashed[number] = digest, value
+        return digest
+
+    def _is_whole(self, value: Any, home: Any, module: str) -> bool:
+        """Whether more than the name counts: in the value's own module, or without a place."""
         if isinstance(value, type) and not str(home).startswith(self._prefix):
             return False
         return home == module or not _has_its_place(value)
 
-    def _parts(self, value: Any) -> Iterator[Any]:
-        if isinstance(value, FunctionType):
-            yield from (_name(value), _digest(marshal.dumps(value.__code__, _NO_REFERENCES)))
-            yield from ((name, self._of(one)) for name, one in _around(value))
-        elif isinstance(value, type):
-            yield from (_name(value), *map(_name, value.__bases__))
-            yield from ((name, self._of(one, value.__module__)) for name, one in _members(value))
-        elif isinstance(value, np.ndarray | np.generic):
-            yield from (value.dtype.str, value.shape, _digest(value.tobytes()))
-        elif isinstance(value, dict | MappingProxyType):
-            yield from ((self._of(key), self._of(one)) for key, one in value.items())
-        elif isinstance(value, set | frozenset):
-            yield from sorted(repr(self._of(one)) for one in value)
-        elif isinstance(value, tuple | list):
-            yield from map(self._of, value)
-        else:
-            yield _name(value)
-            yield from ((name, self._of(one)) for name, one in self._attributes(value))
+    def _parts(self, value: Any, kind: type, home: Any) -> list[Any]:
+        of = self._of
+        if kind is FunctionType:
+            around = [(name, of(one)) for name, one in _around(value)]
+            return [_name(value), value.__code__, *around]
+        if isinstance(value, type):
+            members = [(name, of(one, home)) for name, one in _members(value)]
+            return [_name(value), *map(_name, value.__bases__), *members]
+        if isinstance(value, tuple | list):
+            return [one if type(one) in _PLAIN else of(one) for one in value]
+        if isinstance(value, dict | MappingProxyType):
+            return [
+                (key if type(key) is str else of(key), one if type(one) in _PLAIN else of(one))
+                for key, one in value.items()
+            ]
+        if isinstance(value, set | frozenset):
+            return sorted(_bytes(of(one)) for one in value)
+        if isinstance(value, np.ndarray | np.generic):
+            return [value.dtype.str, value.shape, value.tobytes()]
+        return [_name(value), *((name, of(one)) for name, one in self._attributes(value, kind))]
 
-    def _attributes(self, value: Any) -> Iterator[tuple[str, Any]]:
+    def _attributes(self, value: Any, kind: type) -> list[tuple[str, Any]]:
         """Hashed attributes of an object: public ones of the package's own, functions of others."""
-        if type(value) in _HOLDERS:
-            yield from ((name, getattr(value, name)) for name in _HOLDERS[type(value)])
-            return
-        if hasattr(value, "__wrapped__"):
-            yield "__wrapped__", value.__wrapped__
-        own = type(value).__module__.startswith(self._prefix)
-        for name, one in sorted(getattr(value, "__dict__", {}).items()):
-            is_cache = isinstance(getattr(type(value), name, None), _KEPT_RESULTS)
-            if isinstance(one, FunctionType) or (own and not is_cache and not name.startswith("_")):
-                yield name, one
+        if kind in _HOLDERS:
+            return [(name, getattr(value, name)) for name in _HOLDERS[kind]]
+        wrapped = [("__wrapped__", value.__wrapped__)] if hasattr(value, "__wrapped__") else []
+        own = kind.__module__.startswith(self._prefix)
+        return wrapped + [
+            (name, one)
+            for name, one in sorted(getattr(value, "__dict__", {}).items())
+            if isinstance(one, FunctionType)
+            or (
+                own
+                and not name.startswith("_")
+                and not isinstance(getattr(kind, name, None), _KEPT_RESULTS)
+            )
+        ]
+
+
+def _bytes(tree: Any) -> bytes:
+    return marshal.dumps(tree, _NO_REFERENCES)
 
 
 def _hash(tree: Any) -> bytes:
-    return _digest(repr(tree).encode("utf-8", "surrogatepass"))
+    return hashlib.sha256(_bytes(tree)).digest()
 
 
-def _digest(content: bytes) -> bytes:
-    return hashlib.sha256(content).digest()
-
-
-def _around(function: FunctionType) -> Iterator[tuple[str, Any]]:
+def _around(function: FunctionType) -> list[tuple[str, Any]]:
     """What a function has besides its code: defaults, attributes and the cells of its closure."""
-    for name in ("__defaults__", "__kwdefaults__", "__dict__"):
-        if one := getattr(function, name):
-            yield name, one
+    around: list[tuple[str, Any]] = []
+    if function.__defaults__:
+        around.append(("defaults", function.__defaults__))
+    if function.__kwdefaults__:
+        around.append(("keyword defaults", function.__kwdefaults__))
+    if function.__dict__:
+        around.append(("attributes", function.__dict__))
     for cell in function.__closure__ or ():
         try:
-            yield "cell", cell.cell_contents
+            around.append(("cell", cell.cell_contents))
         except ValueError:
-            yield "empty cell", None
+            around.append(("empty cell", None))
+    return around
 
 
 def _members(owner: type) -> list[tuple[str, Any]]:

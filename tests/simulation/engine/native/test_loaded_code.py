@@ -119,6 +119,24 @@ def test_the_same_source_has_the_same_hash_whatever_it_was_used_for(monkeypatch)
     assert hash_of(importer) == alone  # the module that defines it tells of it
 
 
+def test_neither_the_order_of_imports_nor_other_modules_of_a_package_change_a_hash(monkeypatch):
+    source = "from spacecraft_package.laws import *\nfrom spacecraft_package.laws import _made"
+    laws = imported(monkeypatch)
+    user = imported(monkeypatch, source, "spacecraft_package.user")
+    package = imported(monkeypatch, "ORDER = 4", "spacecraft_package.solvers")
+    before = loaded_code("spacecraft_package")
+    for module in (laws, package):  # to the end
+        monkeypatch.delitem(sys.modules, module.__name__)
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+    assert [*sys.modules][-3:] == [user.__name__, laws.__name__, package.__name__]
+    assert loaded_code("spacecraft_package") == before
+    name = f"{package.__name__}.tsit5"
+    monkeypatch.setattr(package, "tsit5", imported(monkeypatch, "ORDER = 5", name), raising=False)
+    assert hash_of(package) == before[package.__name__]
+    monkeypatch.setattr(package, "tsit5", types.ModuleType(name))  # another than was imported
+    assert hash_of(package) != before[package.__name__]
+
+
 @pytest.mark.parametrize(
     ("old", "new"),
     [
