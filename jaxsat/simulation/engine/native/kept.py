@@ -15,9 +15,10 @@ The name of an entry is a hash of all that tracing and lowering depend on:
 The name does not cover code that a program has changed in memory. Each entry therefore contains the
 hashes of jaxsat's modules as they were in memory at its creation (`loaded_code`), of those imported
 when the program's first entry was made: it is used if the modules imported by now have the same
-hashes. The command line runs no user code except parts that a scenario names, which have no
-entries. It has entries of its own, and trusts them. The environment variable JAXSAT_KEPT_KERNELS is
-1 there; with 0 nothing is stored. Entries are located and protected as those of `cache`.
+hashes. Only packages that the program's code can reach count (`LAYERS`). The command line runs no
+user code except parts that a scenario names, which have no entries. It has entries of its own, and
+trusts them. The environment variable JAXSAT_KEPT_KERNELS is 1 there; with 0 nothing is stored.
+Entries are located and protected as those of `cache`.
 """
 
 import contextlib
@@ -27,7 +28,7 @@ import io
 import os
 import pickle
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -46,6 +47,22 @@ PACKAGES = (
     *("jaxtyping", "numpy", "ml_dtypes", "llvmlite"),
 )
 """Distributions, besides jaxsat, whose code runs during tracing and lowering."""
+
+LAYERS = (
+    *("core", "compiler", "spacecraft", "control", "simulation", "controllability", "store"),
+    *("flight", "studies", "scenario", "report", "synthesis", "cli"),
+)
+"""Packages of jaxsat from below: none imports from a later one, which CI checks."""
+
+_ENGINE = "simulation"
+"""The highest package whose code traces and lowers every program."""
+
+_OTHERS = (
+    *("annotated_types", "bokeh", "casadi", "cloudpickle", "cma", "cyclopts", "distributed"),
+    *("google_crc32c", "h5py", "jinja2", "markupsafe", "matplotlib", "numcodecs", "optax"),
+    *("pandas", "pydantic", "pydantic_core", "rich", "scipy", "typing_extensions", "xarray"),
+)
+"""Packages whose names are in modules of jaxsat, but whose code does not run during tracing."""
 
 _BUILT_IN = {"builtins", "collections", "copyreg", "functools", "operator", "pathlib", "_codecs"}
 CLOCK_NS = 60 * 10**9
@@ -82,13 +99,23 @@ class MadeObserver:
     arena: int
 
 
-def entry_name(*parts: PyTree) -> str | None:
+@dataclass(frozen=True)
+class EntryName:
+    """The name of entries, and the packages of jaxsat whose code the program can reach."""
+
+    digest: str
+    packages: tuple[str, ...] = LAYERS
+
+
+def entry_name(*parts: PyTree) -> EntryName | None:
     """The name of the entry for trees and plain data; None where there must be no entry."""
     if os.environ.get(SETTING) == "0" or not loaded_as_written("jaxsat"):
         return None
     stream = io.BytesIO()
+    structure = _Structure(stream)
     try:
-        _Structure(stream).dump(jax.tree.map(_shape_of, parts))
+        structure.dump(jax.tree.map(_shape_of, parts))
+        packages = _reached(structure.modules)
     except Exception:  # pickle raises any error for an object that it cannot write
         return None
     surroundings = _surroundings()
@@ -100,7 +127,14 @@ def entry_name(*parts: PyTree) -> str | None:
         *(target.PASSES, target.version(), host.name, host.features),
         stream.getvalue(),
     )
-    return hashlib.sha256(repr(ingredients).encode()).hexdigest()
+    digest = hashlib.sha256(repr(ingredients).encode()).hexdigest()
+    return EntryName(digest, packages)
+
+
+def _reached(modules: Iterable[str]) -> tuple[str, ...]:
+    """The packages that the code of these modules can import from, with those of the engine."""
+    names = {_ENGINE, *(module.split(".")[1] for module in modules)}
+    return LAYERS[: max(map(LAYERS.index, names)) + 1]
 
 
 class Entries:
@@ -109,27 +143,35 @@ class Entries:
     `look_up` returns the entry of a kind, creating and storing it if missing.
     """
 
-    def __init__(self, name: str | None):
+    def __init__(self, name: EntryName | None):
         self._name = name
         self._trusted = os.environ.get(SETTING) == "1"
 
     @once_property
     def _code(self) -> Code | None:
-        return _code_in_memory()
+        return self._code_in_memory()
+
+    def _code_in_memory(self) -> Code | None:
+        assert self._name is not None
+        try:
+            return loaded_code("jaxsat", {*PACKAGES, *_OTHERS}, self._name.packages)
+        except Exception:  # foreign objects in modules may raise any error
+            return None
 
     def look_up(self, kind: type[T], make: Callable[[], T]) -> T:
         """The entry of a kind."""
         if self._name is None:
             return make()
-        trusted = f"{self._name}.{kind.__name__}.kernel"
-        own = trusted if self._trusted else f"{self._name}.{kind.__name__}.python.kernel"
+        digest = self._name.digest
+        trusted = f"{digest}.{kind.__name__}.kernel"
+        own = trusted if self._trusted else f"{digest}.{kind.__name__}.python.kernel"
         for name in dict.fromkeys((trusted, own)):
             content = self._found(name, kind)
             if content is not None:
                 return content
         before = None if self._trusted else self._code
         entry = make()
-        code = self._code if self._trusted else _code_in_memory()  # trusted: changed by nobody
+        code = self._code if self._trusted else self._code_in_memory()  # trusted: changed by nobody
         if self._trusted or _agree(before, code):
             with contextlib.suppress(Exception):  # trees that `pickle` cannot write
                 cache.keep(own, pickle.dumps((entry, code)))
@@ -146,13 +188,6 @@ class Entries:
         except Exception:
             return None
         return entry if fits else None
-
-
-def _code_in_memory() -> Code | None:
-    try:
-        return loaded_code("jaxsat")
-    except Exception:  # foreign objects in modules may raise any error
-        return None
 
 
 def _agree(one: Code | None, other: Code | None) -> bool:
@@ -177,13 +212,19 @@ def _shape_of(x: Any) -> Any:
 
 
 class _Structure(pickle.Pickler):
-    """Pickler that refuses references to code outside `PACKAGES`."""
+    """Pickler that refuses references to code outside `PACKAGES`, and notes jaxsat's modules."""
+
+    def __init__(self, stream: io.BytesIO):
+        super().__init__(stream)
+        self.modules: set[str] = set()
 
     def reducer_override(self, obj: Any) -> Any:
         owner = obj if isinstance(obj, type) or callable(obj) else type(obj)
         module = getattr(owner, "__module__", None) or type(obj).__module__
         if not isinstance(module, str) or module.split(".")[0] not in _known_roots():
             raise pickle.PicklingError(f"{obj!r} is of {module}")
+        if module.startswith("jaxsat."):
+            self.modules.add(module)
         if isinstance(obj, jax.Array):
             raise pickle.PicklingError("an array is hidden in the structure")
         return NotImplemented

@@ -19,7 +19,7 @@ from jaxsat.compiler.llvm.threads import in_own_thread, in_threads
 from jaxsat.core.fingerprint import fingerprint
 from jaxsat.core.once import once_property
 from jaxsat.simulation.engine.interface import stops
-from jaxsat.simulation.engine.native.kept import Entries, MadeKernel, MadeObserver
+from jaxsat.simulation.engine.native.kept import Entries, EntryName, MadeKernel, MadeObserver
 from jaxsat.simulation.engine.native.trajectory import LoweredTrajectory
 
 PIECE = 4
@@ -45,7 +45,9 @@ class Kernel:
     `lower` returns them; for a stored kernel, which has a name, only when they are read.
     """
 
-    def __init__(self, lower: Callable[[], LoweredTrajectory], lanes: int, name: str | None = None):
+    def __init__(
+        self, lower: Callable[[], LoweredTrajectory], lanes: int, name: EntryName | None = None
+    ):
         self._lower, self.lanes, self._entries = lower, lanes, Entries(name)
         self._made = self._entries.look_up(MadeKernel, lambda: self._make(name is not None))
         entries = dict.fromkeys(["begin", "advance", "finish"], ENTRY_POINT)

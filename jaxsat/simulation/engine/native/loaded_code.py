@@ -5,7 +5,8 @@ test, a tool that reloads edited modules. The hash of a module is over the code 
 of the methods of its classes, with their defaults and closures, and over its constants. Processes
 with the same module have the same hash, whatever else they have imported or done: a function or
 class of another module counts by its name, and objects that a running program creates (locks,
-counters, cached results) only by their type.
+counters, cached results) only by their type. A name says nothing of code that others wrote, which
+may be edited: a module that holds such code has no hash.
 """
 
 import dataclasses
@@ -14,6 +15,7 @@ import functools
 import hashlib
 import marshal
 import sys
+from collections.abc import Collection, Iterable
 from importlib.machinery import SourceFileLoader
 from types import FunctionType, MappingProxyType, MethodType, ModuleType
 from typing import Any, NamedTuple
@@ -60,11 +62,26 @@ _HOLDERS = {
 """Attributes of objects that hold functions."""
 
 
-def loaded_code(package: str) -> dict[str, bytes]:
-    """A hash of every imported module inside a package, by name."""
-    content = _Content(f"{package}.")
+class ForeignCode(Exception):
+    """A module holds a function or a class that is not of known packages."""
+
+
+def loaded_code(
+    package: str, known: Collection[str], parts: Collection[str] | None = None
+) -> dict[str, bytes]:
+    """A hash of every imported module inside a package, by name; of these `parts` of it alone.
+
+    The modules may hold code of these parts, of Python and of the packages `known`; raises
+    `ForeignCode` for other code.
+    """
+    inside = [f"{package}.{part}" for part in parts] if parts is not None else [package]
+    content = _Content(f"{package}.", [*inside, *known])
     with no_collection():
-        return {name: content.hash_of(module) for name, module in _imported(package)}
+        return {
+            name: content.hash_of(module)
+            for name, module in _imported(package)
+            if _is_inside(name, inside)
+        }
 
 
 def loaded_as_written(package: str) -> bool:
@@ -84,6 +101,10 @@ def _imported(package: str) -> list[tuple[str, ModuleType]]:
     ]
 
 
+def _is_inside(module: str, packages: Iterable[str]) -> bool:
+    return any(module == one or module.startswith(f"{one}.") for one in packages)
+
+
 class _Content:
     """Content of values as trees of plain values and code, all of which `marshal` distinguishes.
 
@@ -91,8 +112,9 @@ class _Content:
     What is known of a value is kept with it, so that no other value gets its `id`.
     """
 
-    def __init__(self, prefix: str):
-        self._prefix = prefix
+    def __init__(self, prefix: str, known: Collection[str]):
+        self._prefix, self._known = prefix, known
+        self._homes = {prefix[:-1]}
         self._named: dict[int, _Named] = {}
         self._hashed: dict[int, tuple[bytes, Any]] = {}
         self._above: set[int] = set()
@@ -129,7 +151,10 @@ class _Content:
         if isinstance(value, enum.Enum):
             return _name(kind), value.name, self._of(value.value)
         home = getattr(value, "__module__", None)
-        if kind is ModuleType or not self._is_whole(value, home, module):
+        named = kind is ModuleType or not self._is_whole(value, home, module)
+        if named or kind is FunctionType:
+            self._require_known(value.__name__ if kind is ModuleType else home)
+        if named:
             tree = _name(kind), _name(value)
             self._named[number] = _Named(home, tree, value)
             return tree
@@ -149,6 +174,15 @@ class _Content:
         if isinstance(value, type) and not str(home).startswith(self._prefix):
             return False
         return home == module or not _has_its_place(value)
+
+    def _require_known(self, home: Any) -> None:
+        """Raise `ForeignCode` for code of a module that others wrote."""
+        if home in self._homes or home not in sys.modules:  # generated code states no module
+            return
+        root = home.partition(".")[0]
+        if root not in sys.stdlib_module_names and not _is_inside(home, self._known):
+            raise ForeignCode(f"{home} is not of {self._known}")
+        self._homes.add(home)
 
     def _parts(self, value: Any, kind: type, home: Any) -> list[Any]:
         of = self._of

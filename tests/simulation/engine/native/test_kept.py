@@ -1,11 +1,13 @@
 """Kernels kept on disk: found again only where nothing has changed that they depend on."""
 
+import configparser
 import dataclasses
 import functools
 import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -20,6 +22,7 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
 from jaxsat.simulation.engine.native import NativeEngine, engine, kept
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.studies.dispersions import Dispersed
 from simulation.engine.examples import EXAMPLES, KICKS, program, same_bits
 
 SECOND = 10**9
@@ -158,6 +161,36 @@ def test_code_of_others_has_no_name(monkeypatch):
     assert kept.entry_name(1.0) is None
 
 
+def test_code_that_a_program_can_reach_is_of_packages_below_its_own():
+    flight, study = (kept.entry_name(part).packages for part in (PlantState, Dispersed))
+    assert flight == ("core", "compiler", "spacecraft", "control", "simulation")
+    assert flight < study
+    assert study[-1] == "studies"
+    contract = configparser.ConfigParser()
+    contract.read(Path(__file__).parents[4] / ".importlinter")
+    rooms = contract["importlinter:contract:rooms"]["layers"].split("\n")[::-1]
+    levels = [{one.strip() for one in room.split("|")} for room in rooms if room]
+    assert levels.pop() == {"__main__"}
+    at = 0
+    for level in levels:
+        assert set(kept.LAYERS[at : at + len(level)]) == level
+        at += len(level)
+    assert at == len(kept.LAYERS)
+
+
+HASHED = """
+import jaxsat.report.document, jaxsat.scenario.build.run, jaxsat.scenario.build.study
+from jaxsat.simulation.engine.native import kept
+print(*(len(kept.Entries(kept.EntryName("", kept.LAYERS[:n]))._code) for n in (5, 9, 10)))
+"""
+
+
+def test_jaxsat_itself_has_no_code_of_others():
+    done = subprocess.run([sys.executable, "-c", HASHED], check=True, capture_output=True)
+    flight, study, scenario = map(int, done.stdout.split())
+    assert 150 < flight < study < scenario
+
+
 def made(number):
     return kept.MadeKernel(b"%d" % number, 0, 0, Arguments({}, []), None, None, None, False, "")
 
@@ -167,7 +200,8 @@ def never(*arguments):
 
 
 def look_up(name, number, make=None):
-    return kept.Entries(name).look_up(kept.MadeKernel, make or (lambda: made(number)))
+    entry = None if name is None else kept.EntryName(name, ())
+    return kept.Entries(entry).look_up(kept.MadeKernel, make or (lambda: made(number)))
 
 
 def test_an_entry_is_made_once_and_again_when_damaged(folder):
@@ -187,7 +221,7 @@ def test_an_entry_is_made_once_and_again_when_damaged(folder):
 
 
 def code_in_memory(monkeypatch, **modules):
-    monkeypatch.setattr(kept, "loaded_code", lambda package: modules)
+    monkeypatch.setattr(kept, "loaded_code", lambda package, known, parts: modules)
 
 
 def test_an_entry_is_for_code_as_it_was_in_memory(monkeypatch):

@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.simulation.engine.native.loaded_code import loaded_as_written, loaded_code
+from jaxsat.simulation.engine.native import loaded_code as loaded
+from jaxsat.simulation.engine.native.loaded_code import ForeignCode, loaded_as_written
 
 SOURCE = """
 import dataclasses, enum, functools, threading
@@ -82,6 +83,13 @@ class Law(eqx.Module):
     def zero():
         return 0.0
 """
+
+
+KNOWN = {"jaxsat", "jax", "equinox", "numpy", __name__.partition(".")[0]}
+
+
+def loaded_code(package):
+    return loaded.loaded_code(package, KNOWN)
 
 
 def imported(monkeypatch, source=SOURCE, name="spacecraft_package.laws"):
@@ -194,6 +202,36 @@ def test_what_a_program_changes_in_memory_is_another_hash(monkeypatch, patch):
     before = hash_of(module)
     patch(module)
     assert hash_of(module) != before
+
+
+def test_a_module_with_code_of_others_has_no_hash(monkeypatch):
+    """Their function would count by its name, and be another one after an edit."""
+    others = imported(monkeypatch, "class Law: ...\ndef turn(x): return 2 * x", "experiment")
+    module = imported(monkeypatch)
+    hash_of(module)
+    for patch in (others, others.turn, others.Law, functools.partial(others.turn, 1)):
+        with monkeypatch.context() as here:
+            here.setattr(module, "scaled", patch)
+            with pytest.raises(ForeignCode, match="experiment"):
+                hash_of(module)
+    monkeypatch.setattr(module.Law, "torque", others.turn)
+    with pytest.raises(ForeignCode, match="experiment"):
+        hash_of(module)
+
+
+def test_parts_of_a_package_are_hashed_if_they_need_no_others(monkeypatch):
+    imported(monkeypatch, name="spacecraft_package.laws.rate")
+    user = imported(
+        monkeypatch, "from spacecraft_package.laws.rate import Law", "spacecraft_package.studies"
+    )
+    whole = loaded_code("spacecraft_package")
+    laws = loaded.loaded_code("spacecraft_package", KNOWN, ["laws"])
+    assert laws == {"spacecraft_package.laws.rate": whole["spacecraft_package.laws.rate"]}
+    assert loaded.loaded_code("spacecraft_package", KNOWN, ["law"]) == {}
+    assert loaded.loaded_code("spacecraft_package", KNOWN, ["laws", "studies"]) == whole
+    assert user.__name__ in whole
+    with pytest.raises(ForeignCode, match="laws"):
+        loaded.loaded_code("spacecraft_package", KNOWN, ["studies"])
 
 
 def test_modules_that_a_hook_has_loaded_are_told(monkeypatch, tmp_path):
