@@ -201,7 +201,8 @@ class FaultTolerant(AbstractSampledController):
             settled, flows = settled | one.alone(now), flows | one.flows(now)
         each = (one.wheeled(now) for one, now in left.kinds)
         wheeled = next((one for one in each if one is not None), None)
-        return self.magnetic.act(sample, ~settled, flows, wheeled, before)
+        found = None if self.rods is None else self.rods.body_dipole(left.rods)
+        return self.magnetic.act(sample, ~settled, flows, wheeled, before, found)
 
     def _left(
         self, sample: Sample, kinds: Kinds, three: BoolScalar, before: RodMemory | None

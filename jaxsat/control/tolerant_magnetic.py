@@ -16,7 +16,7 @@ from jaxsat.control.reconfiguration import Left
 from jaxsat.control.tolerant_actuators import Sample, tolerant_mode
 from jaxsat.control.tolerant_rods import TolerantRods
 from jaxsat.control.wheel_allocation import Wheeled
-from jaxsat.core.array_types import BoolScalar, IntScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, Vector
 from jaxsat.core.checks import as_array
 from jaxsat.core.declaration.magnetic import MAGNETIC_CONTROL
 from jaxsat.core.quotients import SMALLEST
@@ -27,6 +27,10 @@ PARALLEL = 1e-9
 
 NO_RATE = 1e-30
 """Rate (rad/s) below which no body is."""
+
+APART = 0.03
+"""Difference of dipoles of the body, over the mean limit of magnetorquers, from which on the law's
+own is wrong. It is not exact: it contains what the law opposes of drag."""
 
 NOWHERE = -1
 """Number of the set while another law flies."""
@@ -129,15 +133,17 @@ class TolerantMagnetic(eqx.Module):
         flows: BoolScalar,
         wheeled: Wheeled | None,
         before: TolerantMagneticMemory,
+        found: tuple[Vector, BoolScalar] | None = None,
     ) -> MagneticFlight:
         """What it does where no other law settles (`unsettled`) beside the wheels in use, None for
         no wheels.
 
         It flies where these are along one axis and no failed thruster `flows`; else magnetorquers
         damp the rate. What was learnt of dipole and torque is kept as wheels fail, but not how the
-        body moved. A dipole of the body that no magnetorquer opposes is first turned into the
-        field, and the law has what this leaves of the dipoles. Wheels make the rest of its torque
-        about their axis.
+        body moved. The dipole of the body that the diagnosis of magnetorquers has `found` (A m²),
+        with that of stuck ones, replaces the law's own where it is known and differs. A dipole of
+        the body that no magnetorquer opposes is first turned into the field, and the law has what
+        this leaves of the dipoles. Wheels make the rest of its torque about their axis.
         """
         none = jnp.zeros(0)
         usable = none if wheeled is None else wheeled.usable
@@ -151,6 +157,10 @@ class TolerantMagnetic(eqx.Module):
             mode=jnp.where(same, before.own.mode, int(MagneticMode.DAMPING)),
             predicts=same & before.own.predicts,
         )
+        if found is not None:
+            dipole, known = found
+            apart = jnp.max(jnp.abs(dipole - own.dipole) / jnp.mean(law.steering.dipole_limit))
+            own = own._replace(dipole=jnp.where(known & (apart > APART), dipole, own.dipole))
         steering, state = law.steering, sample.state
         field = steering.field.in_body(sample.t, state.attitude)
         body = own.dipole

@@ -14,6 +14,7 @@ from jaxtyping import Array, Bool, Float
 from jaxsat.control.diagnosis.diagnosis import Diagnosis
 from jaxsat.control.diagnosis.rod_fit import Columns, Outside, RodFit, RodFitMemory, RodSample
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
+from jaxsat.control.rod_trial import trial_dipoles
 from jaxsat.control.tolerant_actuators import Sample
 from jaxsat.core.array_types import BoolScalar, Matrix, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
@@ -173,6 +174,12 @@ class TolerantRods(eqx.Module):
         steering = dataclasses.replace(self.steering, shares=shares, dipole_limit=limit)
         return dataclasses.replace(self, steering=steering, power=self.sets.power[number])
 
+    def body_dipole(self, memory: RodMemory | None) -> tuple[Vector, BoolScalar] | None:
+        """Return the dipole (A m²) of body and stuck magnetorquers, and whether it is known."""
+        if self.fit is None or memory is None or memory.fit is None:
+            return None
+        return self.fit.body_dipole(memory.fit)
+
     @property
     def bias(self) -> Vector:
         """The momentum (N m s, body axes) that wheels shall keep."""
@@ -295,6 +302,7 @@ class TolerantRods(eqx.Module):
         columns, part = self.steering.reach(field).columns, 1.0
         if before.fit is not None:
             part = before.fit.part
+            dipoles = dipoles + trial_dipoles(self.steering, field, dipoles, before.fit.sense)
         commands = jnp.where(part == 0, 0.0, dipoles / jnp.where(part == 0, 1.0, part))
         made = columns * commands[None]
         late = self.delay * before.commanded + (period - self.delay) * made

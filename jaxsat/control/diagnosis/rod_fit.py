@@ -29,7 +29,7 @@ from jaxsat.spacecraft.dynamics import RigidBody
 INTERVAL = 0.01
 """Time between corrections, over the orbital period: the field turns by 0.1 rad."""
 
-WALK = (0.005, 0.003, 0.02)
+WALK = (0.005, 0.003, 0.004)
 """Random walk of losses, dipole and torque in an interval, over their first standard deviations."""
 
 UNTOLD = 0.02
@@ -37,6 +37,12 @@ UNTOLD = 0.02
 
 TURNED = 0.03
 """Relative error of the torques of all magnetorquers, by their mounting and the field."""
+
+SURE = 0.1
+"""Standard deviation of the dipole of the body, over that at first, below which it is known."""
+
+DOUBTED = 0.5
+"""Standard deviation of a loss, over the error of the model, above which it is on trial."""
 
 IMPOSSIBLE = 30.0
 """Squares of innovations over their variances at first, beyond which something else acts."""
@@ -66,7 +72,8 @@ class RodInterval(NamedTuple):
 class RodFitMemory(NamedTuple):
     """Estimates of losses, dipole and torque, each over its standard deviation at first; their
     covariance; rate and momentum at the last sample, valid once `started`; the present interval;
-    and the verdicts: which magnetorquers `failed`, and the `part` of its dipole that each makes."""
+    the verdicts: which magnetorquers `failed`, and the `part` of its dipole that each makes; and
+    the `sense` of trial dipoles until the next correction, zero while all losses are known."""
 
     estimate: Float[Array, " n"]
     covariance: Symmetric
@@ -76,6 +83,7 @@ class RodFitMemory(NamedTuple):
     interval: RodInterval
     failed: Bool[Array, " k"]
     part: Float[Array, " k"]
+    sense: RealScalar
 
 
 class Outside(NamedTuple):
@@ -107,7 +115,8 @@ class RodFit(eqx.Module):
     exceeds the error u of the model (`uncertainty`) with the evidence (|a| - u)² / 2σ² - `PENALTY`
     above 2kh, as for the losses of thrusters: by chance at most once in e^2kh intervals. An
     interval that the variances do not allow, with as much evidence, makes all states unknown again:
-    something has failed at once. One that even this does not explain has another cause.
+    something has failed at once. One that even this does not explain has another cause. While a
+    loss is doubtful, trial dipoles change sign from interval to interval.
     """
 
     count: int = eqx.field(static=True)
@@ -129,12 +138,19 @@ class RodFit(eqx.Module):
             RodInterval.begin(none, self.count),
             jnp.zeros(self.count) > 0,
             jnp.ones(self.count),
+            jnp.ones_like(none[0]),
         )
 
     def false_alarm_rate(self, reference: float, threshold: float, period: float) -> float:
         """Upper limit of false verdicts per sample; `reference` and `threshold` in sigmas."""
         samples = max(float(self.span) / period, 1.0)
         return self.count * math.exp(-2 * reference * threshold) / samples
+
+    def body_dipole(self, memory: RodFitMemory) -> tuple[Vector, BoolScalar]:
+        """Return the dipole (A m²) of body and stuck magnetorquers, and whether it is known."""
+        body = slice(self.count, self.count + 3)
+        variances = jnp.diagonal(memory.covariance.matrix)[body]
+        return self.dipole * memory.estimate[body], jnp.all(variances < SURE**2)
 
     def step(
         self, sample: RodSample, period: RealScalar, memory: RodFitMemory, diagnosis: Diagnosis
@@ -224,7 +240,9 @@ class RodFit(eqx.Module):
         part = jnp.clip(1 - loss, -1.0, 1.0)
         part = jnp.where(jnp.abs(part) < WEAK, 0.0, part)
         part = jnp.where(proven | known, part, memory.part)
-        return memory._replace(failed=failed, part=jnp.where(failed, part, 1.0))
+        doubted = jnp.any(variance > (DOUBTED * error) ** 2)
+        sense = jnp.where(doubted, jnp.where(memory.sense > 0, -1.0, 1.0), 0.0)
+        return memory._replace(failed=failed, part=jnp.where(failed, part, 1.0), sense=sense)
 
 
 def _updated(

@@ -8,7 +8,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jaxsat.control.diagnosis.rod_fit import (
+    DOUBTED,
     INTERVAL,
+    SURE,
     TURNED,
     UNTOLD,
     WALK,
@@ -210,6 +212,32 @@ def test_what_is_left_makes_the_dipoles_of_the_others(law):
     assert isinstance(memory, RodMemory)
 
 
+def test_trials_change_sign_and_end_once_losses_are_known(law, flight):
+    times, momentum = flight
+    seen = flown(law, samples(times, momentum))
+    count = int(np.ceil(float(law.rods.fit.span) / PERIOD - 1e-9))
+    sense = np.asarray(seen.sense)[count // 2 :: count]
+    spread = np.sqrt(np.diagonal(seen.covariance.matrix, axis1=1, axis2=2))[count // 2 :: count, :3]
+    doubted = np.any(spread > DOUBTED * 0.1, axis=1)
+    assert doubted[:3].all()
+    assert not doubted[-1]
+    np.testing.assert_array_equal(sense[~doubted], 0)
+    signs = sense[: np.argmin(doubted)]
+    np.testing.assert_array_equal(signs[1:], -signs[:-1])
+
+
+def test_the_dipole_of_body_and_stuck_ones_is_known_to_a_tenth_of_the_limit(law, flight):
+    times, momentum = flight
+    seen = flown(law, samples(times, momentum))
+    fit, unit = law.rods.fit, float(law.rods.fit.dipole)
+    spread = np.sqrt(np.diagonal(seen.covariance.matrix, axis1=1, axis2=2))[:, 3:6] * unit
+    for number in (0, len(times) // 8, len(times) - 1):
+        dipole, known = fit.body_dipole(jax.tree.map(lambda one, n=number: one[n], seen))
+        assert bool(known) == np.all(spread[number] < SURE * LIMIT)
+    assert known
+    np.testing.assert_allclose(dipole, BODY, atol=SURE * LIMIT)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["dead", "degraded", "stuck-at"])
 def test_a_failed_magnetorquer_is_found_in_flight(kind):
@@ -226,3 +254,23 @@ def test_a_failed_magnetorquer_is_found_in_flight(kind):
     assert np.all(part[:, [0, 2]] == 1)
     assert np.all(part[np.asarray(run.times) < 100] == 1)
     np.testing.assert_allclose(part[-1, 1], 0.3 if kind == "degraded" else 0.0, atol=0.05)
+
+
+@pytest.mark.slow
+def test_a_magnetorquer_that_is_stuck_at_little_is_found_by_trials_and_opposed():
+    """It opposes itself by its command, which then is constant: a trial tells that it does not."""
+    control = '{law="fault-tolerant", natural_frequency_rad_s=0.02, period_s=2}'
+    start = (
+        "initial.quaternion=[-0.43823810, 0.13314972, 0.64829762, -0.60821766]",
+        "initial.omega_rad_s=[-0.018778, 0.014204, -0.018968]",
+    )
+    changes = [f"control={control}", *start, "simulation.save_every_s=100"]
+    changes.append('failure=[{of="magnetorquer z", at_s=100, kind="stuck-at", fraction=0.2}]')
+    run = build(load("wheel-and-rods", changes))
+    assert isinstance(run.start, PlantState)
+    found = simulate(run.loop, run.start, run.times, method=run.method)
+    times, part = np.asarray(found.times), np.asarray(found.signals.parts["diagnosed_dipole"])
+    assert np.all(part[:, :2] == 1)
+    assert np.all(part[times > 8000, 2] == 0)
+    turn = 2 * np.linalg.norm(np.asarray(found.signals.quaternion)[:, 1:], axis=1)
+    assert np.max(turn[times > 11400]) < 0.02
