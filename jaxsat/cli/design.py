@@ -66,8 +66,6 @@ def design(
     report = planned_report(results, target)
 
     import jaxsat
-    from jaxsat.report.design_document import design_document
-    from jaxsat.synthesis.controller_design.run import design_record
 
     result = run_into(
         target,
@@ -85,10 +83,9 @@ def design(
         ),
         design.__annotations__,
     )
-    record = design_record(result)
-    present(design_document(record), target, results, report)
+    present(result.document, target, results, report)
     if result.outcome == "reached":
         return SUCCESS
     if results.quiet:
-        print_stderr(record["headline"])
+        print_stderr(result.headline)
     return FAILED_RUN

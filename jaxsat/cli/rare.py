@@ -77,8 +77,6 @@ def rare(
     report = planned_report(results, target)
 
     import jaxsat
-    from jaxsat.report.rare_event_document import rare_event_document
-    from jaxsat.synthesis.plain_data import plain_data
 
     result = run_into(
         target,
@@ -94,7 +92,7 @@ def rare(
         ),
         OPTIONS,
     )
-    present(rare_event_document(plain_data(result)), target, results, report)
+    present(result.document, target, results, report)
     return SUCCESS
 
 

@@ -54,8 +54,6 @@ def verify(
     report = planned_report(results, target)
 
     import jaxsat
-    from jaxsat.report.verification_document import verification_document
-    from jaxsat.synthesis.plain_data import plain_data
 
     result = run_into(
         target,
@@ -70,10 +68,9 @@ def verify(
             **into,
         ),
     )
-    document = verification_document(plain_data(result))
-    present(document, target, results, report)
+    present(result.document, target, results, report)
     if result.verified:
         return SUCCESS
     if results.quiet:
-        print_stderr(document.verdict.text)
+        print_stderr(result.document.verdict.text)
     return FAILED_RUN

@@ -50,8 +50,6 @@ def worst(
     report = planned_report(results, target)
 
     import jaxsat
-    from jaxsat.report.worst_case_document import worst_case_document
-    from jaxsat.synthesis.plain_data import plain_data
 
     result = run_into(
         target,
@@ -61,5 +59,5 @@ def worst(
         ),
         OPTIONS,
     )
-    present(worst_case_document(plain_data(result)), target, results, report)
+    present(result.document, target, results, report)
     return SUCCESS

@@ -134,6 +134,11 @@ def markdown_page(document: Document, level: int = 1) -> str:
     return "\n\n".join(parts) + "\n"
 
 
+def notebook_text(result: Any) -> str:
+    """Return the `document` of a result in Markdown, with headings for a cell of a notebook."""
+    return markdown_page(result.document, level=4)
+
+
 def _markdown_table(table: Table) -> Iterator[str]:
     if table.note:
         yield _prose(table.note)

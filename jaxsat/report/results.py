@@ -66,9 +66,9 @@ class AbstractResult(abc.ABC):
 
     def _repr_markdown_(self) -> str:
         """Return the document for notebooks."""
-        from jaxsat.report.printers import markdown_page
+        from jaxsat.report.printers import notebook_text
 
-        return markdown_page(self.document, level=4)
+        return notebook_text(self)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -5,6 +5,9 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from jaxsat.report.design_document import design_document
+from jaxsat.report.document import Document
+from jaxsat.report.printers import notebook_text
 from jaxsat.scenario import Scenario
 from jaxsat.studies.statistics import Interval, fraction_text
 from jaxsat.studies.summary import Summary
@@ -14,6 +17,7 @@ from jaxsat.synthesis.controller_design.explanation import Remedy, Separation
 from jaxsat.synthesis.controller_design.request import ALL, QUICK, DesignSettings
 from jaxsat.synthesis.controller_design.tuning import Tuned
 from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict
+from jaxsat.synthesis.plain_data import plain_data
 
 DesignOutcome = Literal["reached", "not reached", "nothing to design"]
 
@@ -89,6 +93,18 @@ class ControllerDesign:
     not_tuned: str | None = None
     validation: Step | None = None
     verification: DesignVerification | None = None
+
+    _repr_markdown_ = notebook_text
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """The record of the design, from which its document is made."""
+        return {"title": self.original.title, "headline": self.headline, **plain_data(self)}
+
+    @property
+    def document(self) -> Document:
+        """The document that `jaxsat design` prints."""
+        return design_document(self.record)
 
     @property
     def misses_attitude(self) -> str | None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import jaxsat
 from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.core.process import processors
-from jaxsat.report.design_document import DESIGNED, LINES, design_document
+from jaxsat.report.design_document import DESIGNED, LINES
 from jaxsat.report.printers import markdown_page
 from jaxsat.scenario import Scenario, dump
 from jaxsat.store.provenance import provenance
@@ -32,7 +32,6 @@ from jaxsat.synthesis.controller_design.steps import DesignRun
 from jaxsat.synthesis.controller_design.studies import Studies
 from jaxsat.synthesis.controller_design.tuning import TUNED_CASES
 from jaxsat.synthesis.execution import Execution, Listener, folder_of_call
-from jaxsat.synthesis.plain_data import plain_data
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,11 +39,6 @@ if TYPE_CHECKING:
     from jaxsat.report.study_figures import DrawnNumber
 
 PAGE, RECORD = "design.md", "design.json"
-
-
-def design_record(design: ControllerDesign) -> dict[str, Any]:
-    """Return the record of a design, from which its document is made."""
-    return {"title": design.original.title, "headline": design.headline, **plain_data(design)}
 
 
 def design_comment(design: ControllerDesign, version: str) -> str:
@@ -75,11 +69,11 @@ def design_comment(design: ControllerDesign, version: str) -> str:
 
 def write_files(design: ControllerDesign, folder: ResumableFolder) -> None:
     """Write the page, the designed scenario, the record as JSON, and figures."""
-    folder.write(PAGE, markdown_page(design_document(design_record(design))))
+    folder.write(PAGE, markdown_page(design.document))
     if design.scenario is not None:
         comment = design_comment(design, jaxsat.__version__)
         folder.write(DESIGNED, comment + dump(design.scenario))
-    record = design_record(design) | provenance()
+    record = design.record | provenance()
     folder.write(RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
     if design.verification is not None:
         from jaxsat.report.saving import save_figures

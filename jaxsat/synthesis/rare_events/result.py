@@ -4,8 +4,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from jaxsat.core.errors import ArgumentError
+from jaxsat.report.document import Document
+from jaxsat.report.printers import notebook_text
+from jaxsat.report.rare_event_document import rare_event_document
 from jaxsat.studies.splitting import LENGTH
 from jaxsat.studies.statistics import Interval
+from jaxsat.synthesis.plain_data import plain_data
 
 LEAST_CASES, LEAST_REPLICATIONS = 100, 3
 
@@ -92,6 +96,13 @@ class RareEvent(NamedTuple):
     margin: float
     unit: str
     again: str
+
+    _repr_markdown_ = notebook_text
+
+    @property
+    def document(self) -> Document:
+        """The document that `jaxsat rare` prints."""
+        return rare_event_document(plain_data(self))
 
     @property
     def trusted(self) -> bool:

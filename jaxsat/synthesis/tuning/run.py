@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from jaxsat.core.once import once_property
 from jaxsat.core.process import processors
 from jaxsat.report.document import Document
-from jaxsat.report.printers import markdown_page
+from jaxsat.report.printers import markdown_page, notebook_text
 from jaxsat.report.tuning_document import tuning_document
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.study import EngineName
@@ -62,6 +62,8 @@ class TuningResult:
     with_baselines: bool = False
     listener: Listener = Listener()
     kept: Document | None = None
+
+    _repr_markdown_ = notebook_text
 
     @once_property
     def receipt(self) -> Receipt:

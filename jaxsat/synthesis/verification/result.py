@@ -5,7 +5,11 @@ from typing import Any, Literal, NamedTuple
 
 from jaxsat.core.checks import require_counts
 from jaxsat.core.errors import ArgumentError
+from jaxsat.report.document import Document
+from jaxsat.report.printers import notebook_text
+from jaxsat.report.verification_document import verification_document
 from jaxsat.studies.statistics import Interval, WhenDecided
+from jaxsat.synthesis.plain_data import plain_data
 
 VerdictName = Literal["met", "violated", "undecided", "not judged", "not tried"]
 
@@ -104,6 +108,13 @@ class Verification(NamedTuple):
     shown: list[Demonstration]
     failures: list[FailureRow]
     not_tried: list[str]
+
+    _repr_markdown_ = notebook_text
+
+    @property
+    def document(self) -> Document:
+        """The document that `jaxsat verify` prints."""
+        return verification_document(plain_data(self))
 
     def verdict(self, requirement: str) -> VerdictName:
         """Return the worst verdict on a requirement under any condition."""

@@ -12,8 +12,10 @@ from scipy.special import ndtri
 from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.core.declaration.requirements import comparisons
 from jaxsat.core.errors import ArgumentError
+from jaxsat.report.document import Document
+from jaxsat.report.printers import notebook_text
 from jaxsat.report.requirements import judgements
-from jaxsat.report.worst_case_document import quantity_text
+from jaxsat.report.worst_case_document import quantity_text, worst_case_document
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.datasets import simulated_finely
 from jaxsat.scenario.parts.requirements import RequirementTable
@@ -33,7 +35,7 @@ from jaxsat.synthesis.flights import (
     study_of_requirements,
     unit_of,
 )
-from jaxsat.synthesis.plain_data import write_record
+from jaxsat.synthesis.plain_data import plain_data, write_record
 from jaxsat.synthesis.tuning.strategies import require_package
 from jaxsat.synthesis.worst_case.ball import Ball
 from jaxsat.synthesis.worst_case.search import search
@@ -105,6 +107,13 @@ class WorstCase(NamedTuple):
     gradients: int
     trusted: int
     again: str
+
+    _repr_markdown_ = notebook_text
+
+    @property
+    def document(self) -> Document:
+        """The document that `jaxsat worst` prints."""
+        return worst_case_document(plain_data(self))
 
     @property
     def beats_random(self) -> bool:

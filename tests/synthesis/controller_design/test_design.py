@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import jaxsat
-from jaxsat.report.design_document import DESIGNED, design_document
-from jaxsat.report.printers import markdown_page
+from jaxsat.report.design_document import DESIGNED
 from jaxsat.store.resumable import ResumableFolder
 from jaxsat.synthesis.comparison.acceptance import ComparisonSetting
 from jaxsat.synthesis.comparison.verdict import choose_law, comparison_row
@@ -16,7 +15,6 @@ from jaxsat.synthesis.controller_design import steps
 from jaxsat.synthesis.controller_design.candidates import Candidate
 from jaxsat.synthesis.controller_design.request import DesignSettings
 from jaxsat.synthesis.controller_design.result import Step
-from jaxsat.synthesis.controller_design.run import design_record
 from jaxsat.synthesis.controller_design.studies import Studies
 from jaxsat.synthesis.execution import Listener
 
@@ -246,7 +244,7 @@ def test_a_design_is_tuned_verified_written_and_resumed(tmp_path):
     stores = (tmp_path / "e" / "studies").glob("screening*/*/c/**/*")
     before = {path: path.stat().st_mtime_ns for path in stores if path.is_file()}
     resumed = jaxsat.design(scenario, **TINY, out=tmp_path / "e")
-    assert design_record(resumed) == design_record(found)
+    assert resumed.record == found.record
     assert before
     assert all(path.stat().st_mtime_ns == time for path, time in before.items())
 
@@ -264,4 +262,4 @@ def test_too_few_that_settle_are_explained_and_measured():
     assert helped["0.1 % more torque, to show the effect of chance"] == 0
     assert {one.flown for one in made.remedies} == {12}
     assert "twice the torque" in helped
-    assert "--case 0`" in markdown_page(design_document(design_record(found)))
+    assert "--case 0`" in found._repr_markdown_()
