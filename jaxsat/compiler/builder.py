@@ -87,11 +87,16 @@ class Builder:
             self.predicates.note(name, args, value)
             if name == "convert" or (name == "bitcast" and args[0].dtype.kind != "f"):
                 self.ranges.note_converted(args[0], value)
-            if name == "convert" and args[0].dtype == BOOL:
-                self.truths[value.number] = args[0]
-            elif name == "convert" and identity(args[0]) in self.truths:
-                self.truths[value.number] = self.truths[identity(args[0])]
+            if name == "convert":
+                self._note_truth(args[0], value)
         return value
+
+    def _note_truth(self, source: ir.Scalar, value: ir.Value) -> None:
+        """Note the predicate of a number that is made of it, 0 or 1, or of such a number."""
+        if source.dtype == BOOL:
+            self.truths[value.number] = source
+        elif isinstance(source, ir.Value) and source.number in self.truths:
+            self.truths[value.number] = self.truths[source.number]
 
     def _with_sign_outside(self, name: str, args: Sequence[ir.Scalar]) -> ir.Scalar | None:
         """Return an equal value, in all bits, with a negation absorbed or passed on, or None."""

@@ -1,5 +1,6 @@
 """Document of a controller design, from the record `design.json`."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -63,7 +64,8 @@ def _choice(record: Record) -> Iterator[Block]:
 def _tuning(tuning: Record) -> str:
     if "left_out" in tuning:
         return f"Tuning was skipped: {tuning['left_out']}."
-    before, after = tuning["loss_before"], tuning["loss_after"]
+    losses = tuning["loss_before"], tuning["loss_after"]
+    before, after = (math.inf if one is None else one for one in losses)  # a record has no inf
     better = "" if after < before else "; no better gains were found"
     return (
         f"Tuning: {tuning['steps']} steps give {tuning['candidate']}; its loss on the validation "

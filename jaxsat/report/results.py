@@ -192,7 +192,8 @@ class StudyResults(AbstractResult):
         """Settled fraction, percentiles, recovery and sensitivities."""
         from jaxsat.report.study_document import study_document
 
-        return study_document(self.summary, json.loads(self.dataset.attrs["identity"])["scenario"])
+        identity = json.loads(self.dataset.attrs["identity"])
+        return study_document(self.summary, identity.get("scenario", {}))
 
     def drawings(self) -> "Mapping[str, Callable[[], Figure]]":
         """Return functions that draw the figures of `jaxsat montecarlo`, by name.

@@ -217,9 +217,9 @@ def write_study_figures(
 
     Raises `OutputError` for a store that cannot be read.
     """
-    dataset, count = open_study(store), summary.cases
+    dataset = open_study(store)
     every = max(1, study.program.intervals // FAN_INSTANTS)
-    signals = _histories(study, np.arange(min(count, FAN_CASES)), every)
+    signals = _histories(study, np.arange(min(summary.cases, FAN_CASES)), every)
     times = study.program.instants(every) * float(study.program.interval)
     drawings = stored_drawings(dataset, summary, title)
     save_figures(lambda: {**drawings, **fan_figures(times, signals, title)}, write)
@@ -235,11 +235,11 @@ def _histories(study: Study, numbers: np.ndarray, every: int) -> Signals:
     return jax.tree.map(lambda *some: np.concatenate(some), *parts)
 
 
-def _drawn_number(dataset: xr.Dataset, label: str, count: int) -> DrawnNumber:
-    """Return a drawn number by its name in a sensitivity ranking."""
+def _drawn_number(dataset: xr.Dataset, label: str, cases: np.ndarray) -> DrawnNumber:
+    """Return a number drawn for these cases, by its name in a sensitivity ranking."""
     name = label.partition("[")[0]
     column = dataset[f"drawn_{name}"]
-    values = numbers_of(name, np.asarray(column[:count]))[label]
+    values = numbers_of(name, np.asarray(column)[cases])[label]
     unit, meaning = column.attrs["units"], column.attrs["long_name"]
     if label == "attitude[angle]":
         unit, meaning = "rad", "rotation from the orbit to the body frame at the start"
@@ -251,8 +251,9 @@ def _drawn_number(dataset: xr.Dataset, label: str, count: int) -> DrawnNumber:
 def stored_drawings(dataset: xr.Dataset, summary: Summary, title: str) -> Drawings:
     """Return `study_drawings` of a store, over the two drawn numbers that matter most."""
     labels = [entry.name for entry in summary.ranking if entry.matters][:2]
-    numbers = {label: _drawn_number(dataset, label, summary.cases) for label in labels}
-    columns = {"settling_time": np.asarray(dataset["settling_time"][: summary.cases])}
+    cases = np.flatnonzero(np.asarray(dataset["status"]) == 1)[: summary.cases]
+    numbers = {label: _drawn_number(dataset, label, cases) for label in labels}
+    columns = {"settling_time": np.asarray(dataset["settling_time"])[cases]}
     return study_drawings(columns, numbers, title)
 
 

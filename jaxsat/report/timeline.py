@@ -92,7 +92,8 @@ def exclusions(dataset: Dataset) -> list[tuple[float, str]]:
     if "sensor_excluded" not in dataset:
         return []
     excluded, time = dataset["sensor_excluded"], dataset["time"].values
-    names, states = dataset[str(excluded.dims[-1])].values, np.nan_to_num(excluded.values)
+    names, states = dataset[str(excluded.dims[-1])].values, excluded.values
+    states = states[np.isfinite(states).all(axis=1)]  # a run that ended early has none later on
     changes = np.diff(states, axis=0, prepend=0 * states[:1])
     events = [
         (float(time[row]), f"{words_of(str(names[place]))} {EXCLUDED[int(states[row, place])]}")

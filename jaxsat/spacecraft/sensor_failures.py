@@ -19,6 +19,7 @@ from jaxsat.core.declaration.sensor import (
     TachometerFailureKind,
 )
 from jaxsat.core.noise import fold_in, name_number, sample_noise
+from jaxsat.core.ranges import FROM_ZERO, SECONDS, Range
 from jaxsat.spacecraft.environment.orbit import AbstractOrbit
 from jaxsat.spacecraft.failures import AbstractFailures, LastFailure
 
@@ -51,6 +52,8 @@ class AbstractSensorFailures(AbstractFailures):
     kinds: ClassVar[Any]
     spikes: ClassVar[str]
     """Name of the random numbers of spikes."""
+    times: ClassVar[Range] = FROM_ZERO
+    """When one may fail, s."""
 
     drift: Float[Array, "f n"] = eqx.field(converter=as_float)
     quantile: Float[Array, " f"] = eqx.field(converter=as_float)
@@ -116,6 +119,7 @@ class GyroFailures(AbstractSensorFailures):
 
     kinds: ClassVar[type[AbstractFailureKind]] = GyroFailureKind
     spikes: ClassVar[str] = "spikes of gyros"
+    times: ClassVar[Range] = SECONDS  # after the first sample
 
 
 class TachometerFailures(AbstractSensorFailures):
@@ -123,6 +127,7 @@ class TachometerFailures(AbstractSensorFailures):
 
     kinds: ClassVar[type[AbstractFailureKind]] = TachometerFailureKind
     spikes: ClassVar[str] = "spikes of tachometers"
+    times: ClassVar[Range] = SECONDS
 
 
 class SensorFailures(AbstractSensorFailures):

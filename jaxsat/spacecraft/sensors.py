@@ -6,7 +6,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PyTree, UInt32
+from jaxtyping import Array, Bool, Float, PyTree, UInt32
 from numpy.typing import DTypeLike
 
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
@@ -105,8 +105,8 @@ class Tachometers(eqx.Module):
     is invalid for `outage` (s) from `outage_start` (s) on; an infinite start means never, None for
     both that no wheel has an outage. Another outage begins `outage_every` (s) after each begin,
     None or infinite for a single one. `failures` number the wheels, and strike after the first
-    sample. Raises `ArgumentError` for negative noise or outages, and for
-    outages that leave no time between them.
+    sample; a stuck tachometer repeats its last reading before that in no outage. Raises
+    `ArgumentError` for negative noise or outages, and for outages that leave no time between them.
     """
 
     noise: Float[Array, " wheels"] = eqx.field(converter=not_negative("noise"))
@@ -133,7 +133,7 @@ class Tachometers(eqx.Module):
     def is_valid(self, sample: IntScalar, period: RealScalar) -> BoolScalar | None:
         """Whether all momenta of a sample are valid, None without outages and failures; `period`
         is in s."""
-        works = outside_outages(sample, period, self.outage_start, self.outage, self.outage_every)
+        works = self._works(sample, period)
         if self.failures is not None:
             alive = ~self.failures.dead(sample, period, self.noise.shape[0])
             works = alive if works is None else alive & works
@@ -165,7 +165,11 @@ class Tachometers(eqx.Module):
 
         states = tuple(read(state) for state in measured)
         (momenta,) = [one.momentum for one in states if isinstance(one, WheelMomenta)]
-        return states, momenta
+        works = self._works(sample, period)
+        return states, momenta if works is None else jnp.where(works, momenta, last)
+
+    def _works(self, sample: IntScalar, period: RealScalar) -> Bool[Array, " wheels"] | None:
+        return outside_outages(sample, period, self.outage_start, self.outage, self.outage_every)
 
     def __call__(self, sample: IntScalar, effectors: PyTree) -> tuple[PyTree, ...]:
         """Return states of effectors with the measured momenta of wheels, N m s."""

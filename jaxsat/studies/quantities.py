@@ -26,6 +26,7 @@ from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dispersible import Dispersible, Limits
 from jaxsat.spacecraft.effector import AbstractEffector
 from jaxsat.spacecraft.failures import AbstractFailures
+from jaxsat.spacecraft.sensor_failures import AbstractSensorFailures
 from jaxsat.studies.changes import (
     Obstacle,
     PerturbedLoop,
@@ -139,6 +140,13 @@ def _of_effector(kind: str, one: DispersibleQuantity) -> Quantity:
         lambda loop: dispersible(loop).size(effector(loop)),
         obstacle,
     )
+
+
+def _sensor_times(loop: AbstractLoop) -> Limits:
+    """The times at which all failing sensors of a loop may fail."""
+    every = cast(list[AbstractSensorFailures], sensor_failures_of(loop))
+    earliest = max((one.times for one in every), key=lambda one: one.low, default=ranges.FROM_ZERO)
+    return Limits.between(earliest)
 
 
 def _of_failures(
@@ -261,9 +269,7 @@ _QUANTITIES: dict[str, Quantity] = {
     "tracker_update_period": _of_tracker("every", 1, _update_period_limits, _needs_tracker),
     "tracker_latency": _of_tracker("arrival", 0, _latency_limits, _needs_latency),
     "failure_time": _of_failures("at", between(ranges.FROM_ZERO)),
-    "sensor_failure_time": _of_failures(
-        "at", between(ranges.FROM_ZERO), "sensor", sensor_failures_of
-    ),
+    "sensor_failure_time": _of_failures("at", _sensor_times, "sensor", sensor_failures_of),
     "failure_kind": _of_failures("kind", _kind_limits),
     "failure_amount": _of_failures("amount", _amount_limits),
     "delay": Quantity(

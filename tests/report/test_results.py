@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import jaxsat
+from jaxsat.report import study_figures
 
 SHORT = ["simulation.duration_s=20", "simulation.save_every_s=0.5"]
 
@@ -68,6 +69,22 @@ def test_a_study_shows_and_draws_itself(study):
     table = study.to_pandas()
     assert table.shape[0] == 16
     assert table.equals(jaxsat.case_table(jaxsat.open_study(study.path)))
+
+
+def test_cases_of_an_incomplete_study_are_those_that_are_done(study, monkeypatch):
+    """Of 16 cases the first four and one later are not done: what is drawn leaves them out."""
+    done = np.arange(16) >= 4
+    done[9] = False
+    dataset = study.dataset.load().copy(deep=True)
+    dataset["status"].values[~done] = 0
+    dataset["settling_time"].values[~done] = np.nan
+    summary = study.summary._replace(cases=int(done.sum()))
+    drawn = {}
+    monkeypatch.setattr(study_figures, "convergence", lambda settled, _: drawn.update(it=settled))
+    study_figures.stored_drawings(dataset, summary, "a study")["convergence"]()
+    expected = np.isfinite(dataset["settling_time"].values[done])
+    np.testing.assert_array_equal(drawn["it"], expected)
+    assert expected.all()
 
 
 def test_a_folder_without_a_study_is_refused(tmp_path):

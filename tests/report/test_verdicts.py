@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
-from jaxsat.report.timeline import DIAGNOSED, verdicts
+from jaxsat.report.timeline import DIAGNOSED, exclusions, verdicts
 
 
 def test_alarms_and_verdicts_are_found_in_the_signals():
@@ -47,3 +47,17 @@ def test_every_kind_has_its_words():
     assert len(DIAGNOSED) == len(DiagnosedKind)
     for kind in DiagnosedKind:
         assert DIAGNOSED[kind].startswith(kind.name.lower().replace("_", " "))
+
+
+def test_sensors_are_excluded_and_used_again_but_not_after_an_early_end():
+    states = np.array([[0, 0], [1, 0], [0, 0], [1, 1], [np.nan, np.nan]])
+    dataset = xr.Dataset(
+        {"sensor_excluded": (("time", "attitude_sensor"), states)},
+        {"time": np.arange(5.0), "attitude_sensor": ["star_tracker", "sun_sensor"]},
+    )
+    assert exclusions(dataset) == [
+        (1.0, "star tracker excluded"),
+        (2.0, "star tracker used again"),
+        (3.0, "star tracker excluded"),
+        (3.0, "sun sensor excluded"),
+    ]

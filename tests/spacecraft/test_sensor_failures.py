@@ -176,3 +176,16 @@ def test_tachometers_fail_each_for_itself():
     tachometers = Tachometers([0.0, 0.0, 0.0], failures=dead)
     is_valid = jax.vmap(lambda one: tachometers.is_valid(one, jnp.array(PERIOD)))(jnp.arange(8))
     np.testing.assert_array_equal(is_valid, np.arange(8) < 4)
+
+
+def test_a_tachometer_that_sticks_in_its_outage_repeats_what_it_read_before():
+    events = TachometerFailures([0], [2.0], [TachometerFailureKind.STUCK], [0], [[0]], [0])
+    never = [np.inf, np.inf]
+    tachometers = Tachometers(
+        [0.0] * 3, outage_start=[1.5, *never], outage=[1.0] * 3, failures=events
+    )
+    last = tachometers.first_readings()
+    for number, reading in zip(jnp.arange(8), READINGS, strict=True):
+        measured = tachometers(number, (WheelMomenta(jnp.array(reading)),))
+        (read,), last = tachometers.read(number, jnp.array(PERIOD), measured, last)
+    np.testing.assert_array_equal(read.momentum, [READINGS[2, 0], *READINGS[7, 1:]])

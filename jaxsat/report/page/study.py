@@ -46,11 +46,10 @@ def study_section(path: Path) -> Document:
         raise OutputError(f"{path} has no finished case.") from None
     finished_cases = np.flatnonzero(np.asarray(columns["status"]) == 1)
     times = np.asarray(columns["settling_time"])[finished_cases]
-    scenario = {
-        name: _without_absent(table) for name, table in identity["scenario"].items() if table
-    }
+    tables = identity.get("scenario", {})
+    scenario = {name: _without_absent(table) for name, table in tables.items() if table}
     document = study_document(summary, scenario)
-    text = scenario_text(identity["scenario"], path.stem)
+    text = scenario_text(tables, path.stem)
     blocks: list[Any] = [
         Facts("Scenario", scenario_facts(scenario)),
         Charts("Settling", list(map(chart_of, settling_plots(times)))),

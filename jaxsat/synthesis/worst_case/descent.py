@@ -74,7 +74,8 @@ def descend(
         x = np.stack([now.x + along, now.x - along, *(now.x + FRACTIONS[:, None] * way)])
         margins = _margins(evaluate, x, now.noise)
         flights += len(margins)
-        central = (margins[0] - margins[1]) / (2 * STEP)
+        with np.errstate(invalid="ignore"):  # of two infinite margins
+            central = (margins[0] - margins[1]) / (2 * STEP)
         agrees = bool(abs(central - slope) <= AGREEMENT * slope)
         trusted += agrees
         least = 2 + int(np.argmin(margins[2:]))

@@ -23,6 +23,7 @@ from jaxsat.scenario.errors import ScenarioWarning
 from jaxsat.simulation.loops import sensor_failures_of
 from jaxsat.store.dataset import trajectory_dataset
 from jaxsat.store.tables import case_table, open_study
+from jaxsat.studies.quantities import QUANTITIES
 from jaxsat.studies.run import run_study
 from jaxsat.studies.summary import summarise
 from jaxsat.synthesis.verification.conditions import with_failures
@@ -224,6 +225,14 @@ def test_times_of_failures_are_drawn(tmp_path):
     with pytest.raises(ScenarioError, match="no failure of an actuator in flight"):
         drawn = DRAWN.replace("sensor_failure", "failure")
         loaded(tmp_path, TEST + failure() + drawn, purpose="study")
+
+
+@pytest.mark.parametrize(("part", "low"), [("star_tracker", 0), ("gyro", 1e-6)])
+def test_a_gyro_fails_after_the_first_sample_in_studies_too(tmp_path, part, low):
+    text = TEST + failure(part, "stuck") + DRAWN
+    study = build_study(loaded(tmp_path, text, purpose="study"), 2)
+    limits = QUANTITIES["sensor_failure_time"].limits(study.case_factory.loop)
+    assert float(limits.low) == low
 
 
 OTHERS = (

@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from jaxsat.core.errors import JaxsatError
 from jaxsat.core.once import once_property
 from jaxsat.core.process import no_collection
 
@@ -62,7 +63,7 @@ _HOLDERS = {
 """Attributes of objects that hold functions."""
 
 
-class ForeignCode(Exception):
+class ForeignCode(JaxsatError):
     """A module holds a function or a class that is not of known packages."""
 
 
