@@ -188,6 +188,9 @@ class Builder:
             step = self._loop(params, before, condition, body, varying, inside)
             for place, (_, after) in known.items():
                 self.ranges.note(params[place], *after)
+        if not isinstance(step.active, ir.Value) and not step.active:  # what is around decides it
+            self.written = written
+            return list(before)
         self._note(*params)
         for value, param in zip(step.after, params, strict=True):
             assert ir.is_uniform(value) or not param.uniform, "a uniform carry became varying"

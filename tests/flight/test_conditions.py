@@ -161,7 +161,24 @@ def _again_in_a_branch(omega):
     return branch + jnp.where(spins, 1.5, branch)
 
 
+def _never_turned(omega):
+    """A loop that what is around it excludes is left out."""
+    spins = omega[2] > 0.25
+
+    def turned(goes, x):
+        return jax.lax.while_loop(
+            lambda carry: goes & (carry[0] < 9) & (jnp.abs(carry[1][0]) < 2.0),
+            lambda carry: (carry[0] + 1, jnp.sin(carry[1])),
+            (0, x),
+        )[1]
+
+    return jax.lax.cond(
+        spins, lambda x: turned(spins, x), lambda x: jnp.cos(turned(spins, x)), omega[:2]
+    )
+
+
 _FUNCTIONS = [
+    _never_turned,
     _opposites,
     _chosen_again,
     _phases,

@@ -1,6 +1,7 @@
 """Control laws that a scenario can name."""
 
 import pkgutil
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import entry_points
@@ -100,7 +101,12 @@ def value_of(controller: type) -> str:
 
     That is the name of jaxsat's own law or an installed package's, and "module:Class" for others.
     """
-    place = f"{controller.__module__}:{controller.__qualname__}"
-    names = {entry.value: entry.name for entry in entry_points(group=LAW_GROUP)}
-    names |= {law.place: law.name for law in LAWS.values()}
-    return names.get(place, place)
+    own = [law.name for law in LAWS.values() if _has(law.place, controller)]
+    others = [one.name for one in entry_points(group=LAW_GROUP) if _has(one.value, controller)]
+    return next(iter((*own, *others)), f"{controller.__module__}:{controller.__qualname__}")
+
+
+def _has(place: str, controller: type) -> bool:
+    """Whether a class stands at a place "module:name" of a module that is imported."""
+    module, _, name = place.partition(" ")[0].partition(":")
+    return getattr(sys.modules.get(module), name, None) is controller

@@ -16,10 +16,13 @@ import hashlib
 import marshal
 import sys
 from collections.abc import Collection, Iterable
+from decimal import Decimal
+from fractions import Fraction
 from importlib.machinery import SourceFileLoader
 from types import FunctionType, MappingProxyType, MethodType, ModuleType
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 from jaxsat.core.errors import JaxsatError
@@ -61,6 +64,9 @@ _HOLDERS = {
     MethodType: ("__func__", "__self__"),
 }
 """Attributes of objects that hold functions."""
+
+_TOLD = (range, slice, Fraction, Decimal)
+"""Kinds of values of which `repr` tells everything."""
 
 
 class ForeignCode(JaxsatError):
@@ -140,7 +146,7 @@ class _Content:
             return value
         if kind in _BLANK:
             return _BLANK[kind]
-        if kind is FunctionType and value.__module__ == module and not _around(value):
+        if kind is FunctionType and _is_of(value, module) and not _around(value):
             return _name(value), value.__code__
         if number in self._above:
             self._circles += 1
@@ -153,6 +159,8 @@ class _Content:
             return _name(kind), value.name, self._of(value.value)
         home = getattr(value, "__module__", None)
         named = kind is ModuleType or not self._is_whole(value, home, module)
+        if kind is FunctionType:  # `functools.wraps` states the module of another function
+            self._require_known(value.__globals__.get("__name__"))
         if named or kind is FunctionType:
             self._require_known(value.__name__ if kind is ModuleType else home)
         if named:
@@ -202,14 +210,19 @@ class _Content:
             ]
         if isinstance(value, set | frozenset):
             return sorted(_bytes(of(one)) for one in value)
-        if isinstance(value, np.ndarray | np.generic):
-            return [value.dtype.str, value.shape, value.tobytes()]
+        if isinstance(value, np.ndarray | np.generic | jax.Array):
+            array = np.asarray(value)
+            return [_name(kind), array.dtype.str, array.shape, array.tobytes()]
+        if isinstance(value, _TOLD):
+            return [repr(value)]
+        self._require_known(kind.__module__)
         return [_name(value), *((name, of(one)) for name, one in self._attributes(value, kind))]
 
     def _attributes(self, value: Any, kind: type) -> list[tuple[str, Any]]:
         """Hashed attributes of an object: public ones of the package's own, functions of others."""
-        if kind in _HOLDERS:
-            return [(name, getattr(value, name)) for name in _HOLDERS[kind]]
+        for holder, names in _HOLDERS.items():
+            if isinstance(value, holder):
+                return [(name, getattr(value, name)) for name in names]
         wrapped = [("__wrapped__", value.__wrapped__)] if hasattr(value, "__wrapped__") else []
         own = kind.__module__.startswith(self._prefix)
         return wrapped + [
@@ -230,6 +243,11 @@ def _bytes(tree: Any) -> bytes:
 
 def _hash(tree: Any) -> bytes:
     return hashlib.sha256(_bytes(tree)).digest()
+
+
+def _is_of(function: FunctionType, module: str) -> bool:
+    """Whether a module has the code of a function, and no decorator has said so."""
+    return function.__module__ == module == function.__globals__.get("__name__")
 
 
 def _around(function: FunctionType) -> list[tuple[str, Any]]:

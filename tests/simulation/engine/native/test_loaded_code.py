@@ -4,7 +4,9 @@ import functools
 import importlib
 import sys
 import types
+from fractions import Fraction
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -85,7 +87,7 @@ class Law(eqx.Module):
 """
 
 
-KNOWN = {"jaxsat", "jax", "equinox", "numpy", __name__.partition(".")[0]}
+KNOWN = {"jaxsat", "jax", "equinox", "numpy", "helpers", __name__.partition(".")[0]}
 
 
 def loaded_code(package):
@@ -209,14 +211,37 @@ def test_a_module_with_code_of_others_has_no_hash(monkeypatch):
     others = imported(monkeypatch, "class Law: ...\ndef turn(x): return 2 * x", "experiment")
     module = imported(monkeypatch)
     hash_of(module)
-    for patch in (others, others.turn, others.Law, functools.partial(others.turn, 1)):
+    for patch in (
+        *(others, others.turn, others.Law, others.Law()),
+        *(functools.partial(others.turn, 1), jax.tree_util.Partial(others.turn)),
+    ):
         with monkeypatch.context() as here:
             here.setattr(module, "scaled", patch)
             with pytest.raises(ForeignCode, match="experiment"):
                 hash_of(module)
-    monkeypatch.setattr(module.Law, "torque", others.turn)
-    with pytest.raises(ForeignCode, match="experiment"):
-        hash_of(module)
+    for patch in (others.turn, functools.wraps(module.Law.torque)(others.turn)):
+        with monkeypatch.context() as here:
+            here.setattr(module.Law, "torque", patch)
+            with pytest.raises(ForeignCode, match="experiment"):
+                hash_of(module)
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (jnp.array(1.0), jnp.array(2.0)),
+        (range(3), range(4)),
+        (Fraction(1, 3), Fraction(1, 2)),
+        (jax.tree_util.Partial(min, 1), jax.tree_util.Partial(min, 2)),
+    ],
+)
+def test_values_of_other_kinds_count_by_their_content(monkeypatch, one, other):
+    module = imported(monkeypatch)
+    hashes = []
+    for value in (one, other, one):
+        monkeypatch.setattr(module, "LIMIT", value)
+        hashes.append(hash_of(module))
+    assert hashes[0] == hashes[2] != hashes[1]
 
 
 def test_parts_of_a_package_are_hashed_if_they_need_no_others(monkeypatch):
