@@ -9,6 +9,7 @@ from jaxsat.scenario import json_schema
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "tools"))
 
+import llms  # noqa: E402
 import scenario_keys  # noqa: E402
 
 project = "jaxsat"
@@ -41,3 +42,4 @@ def _write_scenario_keys(app):
 def setup(app):
     app.connect("builder-inited", _write_scenario_keys)
     app.connect("autodoc-process-docstring", _keep_bars)
+    app.connect("build-finished", llms.write)

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 pytestmark = pytest.mark.skipif(not DOCS.is_dir(), reason="no docs beside the package")
 
-COMMAND = re.compile(r"^    (jaxsat .+)$", re.MULTILINE)
+COMMAND = re.compile(r"^ {4,7}(jaxsat .+)$", re.MULTILINE)
 FIGURE = re.compile(r"`([\w-]+\.png)`")
 
 
@@ -29,7 +29,10 @@ def commands_of(page):
     return COMMAND.findall((DOCS / page).read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("page", ["quick-start.md", "gallery.md", "formats.md", "report.md"])
+PAGES = ("quick-start.md", "gallery.md", "formats.md", "report.md", "../AGENTS.md")
+
+
+@pytest.mark.parametrize("page", PAGES)
 def test_commands_can_be_given_as_they_are_written(page):
     found = commands_of(page)
     assert found
@@ -37,7 +40,7 @@ def test_commands_can_be_given_as_they_are_written(page):
         words = shlex.split(command)[1:]
         app.parse_args(words, exit_on_error=False, print_error=False)
         if words[0] == "simulate":
-            assert words[1] in library(), command
+            assert words[1] in (*library(), "mine.toml"), command
 
 
 def test_every_picture_of_the_gallery_stands_below_a_command_that_makes_it():
