@@ -47,6 +47,13 @@ void point(void (*f)(void));
 double rest(double x, double y);
 void joined(void) __attribute__((naked));
 void unknown(void) __attribute__((naked));
+void block(void) __attribute__((naked));
+void earlier(void) __attribute__((naked));
+void shifted(void) __attribute__((naked));
+void moved(void) __attribute__((naked));
+void beyond(void) __attribute__((naked));
+void varied(void) __attribute__((naked));
+void either(void) __attribute__((naked));
 static void times(int32_t count) __attribute__((noinline));
 static void times(int32_t count)
 {
@@ -133,6 +140,41 @@ void unknown(void)
   __asm__("push {r3, lr}; movs r2, #24; cmp r0, #0; beq 1f; ldmia r0, {r0, r1, r2}");
   __asm__("1: bl memcpy; pop {r3, pc}");
 }
+void block(void)
+{
+  __asm__("add.w r1, r0, #48");
+  __asm__("1: ldr r2, [r0]; add.w r0, r0, #16; cmp r0, r1; bne 1b; bx lr");
+}
+void earlier(void)
+{
+  __asm__("add.w r1, r0, #48; cmp r2, #0; beq 1f; movs r2, #7");
+  __asm__("1: ldr r2, [r0]; add.w r0, r0, #16; cmp r0, r1; bne 1b; bx lr");
+}
+void shifted(void)
+{
+  __asm__("add.w r1, r0, #88; movs r2, #7; add.w r0, r0, #40");
+  __asm__("1: ldr r2, [r0]; add.w r0, r0, #16; cmp r0, r1; bne 1b; bx lr");
+}
+void moved(void)
+{
+  __asm__("add.w r1, r0, #48; adds r0, #4");
+  __asm__("1: ldr r2, [r0]; add.w r0, r0, #16; cmp r0, r1; bne 1b; bx lr");
+}
+void beyond(void)
+{
+  __asm__("add.w r1, r0, #50");
+  __asm__("1: ldr r2, [r0]; add.w r0, r0, #16; cmp r0, r1; bne 1b; bx lr");
+}
+void varied(void)
+{
+  __asm__("add.w r1, r0, #48");
+  __asm__("1: ldr r2, [r0]; add.w r0, r0, r2; cmp r0, r1; bne 1b; bx lr");
+}
+void either(void)
+{
+  __asm__("add.w r1, r0, #48; cmp r2, #0; beq 1f; mov r1, r3");
+  __asm__("1: ldr r2, [r0]; add.w r0, r0, #16; cmp r0, r1; bne 1b; bx lr");
+}
 int main(void) { return 0; }
 """
 
@@ -174,6 +216,10 @@ def test_the_bound_is_that_of_the_longest_path(program):
     assert 3 * 2 * 25 < bound["copy"] < 3 * 8 * 100
     # a copy of 100 bytes, or of 24
     assert bound["joined"] == 6 + 1 + program.bound(program.starts["memcpy"], 100)
+    # three passes of four instructions each over 48 bytes
+    assert program.bound(program.starts["block"]) == 1 + 3 * 4 + 1
+    assert program.bound(program.starts["earlier"]) == 4 + 3 * 4 + 1
+    assert program.bound(program.starts["shifted"]) == 3 + 3 * 4 + 1
 
 
 @needs("arm-none-eabi-gcc")
@@ -201,6 +247,7 @@ def test_the_stack_is_that_of_the_compiler_along_the_deepest_chain(script, progr
         ("point", "point calls by a pointer"),
         ("rest", "fmod has a loop and no debug information"),
         ("unknown", "unknown copies an unknown number of bytes"),
+        *((name, "has a loop without") for name in ("moved", "beyond", "varied", "either")),
     ],
 )
 def test_what_cannot_be_bounded_is_told(script, program, name, why):

@@ -5,7 +5,8 @@
 PROGRAM is a linked program whose C, in this folder, was compiled with debug information (-g). Its
 instructions are those that arm-none-eabi-objdump prints. The bound is that of the longest path
 through them: of two branches the longer one, and for a call the bound of what is called. A loop
-runs as often as the `for` of the C says that the line of the loop's exit has. Loops of the
+runs as often as the `for` of the C says that the line of the loop's exit has. One that the compiler
+makes for a copy ends where a register has grown by a constant to another one. Loops of the
 compiler's own functions and of the square root shift numbers of at most 64 bits; those of memcpy,
 memmove and memset store the bytes that the call says. If there is anything else, such as a loop
 without a `for`, recursion, or a call by a pointer, there is no bound. The stack is what functions
@@ -307,6 +308,9 @@ class Program:
         line, _ = self._tests([head], inside, nodes)
         if line is not None:
             return self.loops[line]
+        copied = self._passes_of_copy(head, inside, nodes)
+        if copied is not None:
+            return copied - 1
         places = {self.lines[one][1] for one in inside if one in self.lines}
         if places:
             why = f"has a loop without a bound, C lines {sorted(places)}"
@@ -319,6 +323,53 @@ class Program:
         if not any(stored) or any(len(inside.intersection(nodes[one])) > 1 for one in inside):
             raise Unbounded(f"{self.name(head)} has a loop that does not store in each pass")
         return size // sum(stored)
+
+    def _passes_of_copy(self, head, inside, nodes):
+        """Return the passes of a loop without branches that ends where a register, to which it adds
+        a constant, equals another one; None for any other loop."""
+        tests = [
+            re.fullmatch(r"(\w+), (\w+)", self.code[one][1]) for one in self._named(inside, "cmp")
+        ]
+        ends = [
+            self.code[one][0].split(".")[0] for one in inside if nodes[one] != [self.after.get(one)]
+        ]
+        if ends != ["bne"] or len(tests) != 1 or tests[0] is None:
+            return None
+        for counter, end in (tests[0].groups(), tests[0].groups()[::-1]):
+            writes = [self.code[one] for one in inside if _may_write(counter, *self.code[one])]
+            steps = [_added(counter, counter, *code) for code in writes]
+            if (
+                steps
+                and None not in steps
+                and not any(_may_write(end, *self.code[one]) for one in inside)
+            ):
+                ahead = self._ahead(head, inside, counter, end)
+                if ahead is not None and ahead % sum(steps) == 0:
+                    return ahead // sum(steps)
+        return None
+
+    def _named(self, addresses, name):
+        return [one for one in addresses if self.code[one][0].split(".")[0] == name]
+
+    def _ahead(self, head, inside, counter, end):
+        """Return the largest constant by which a register is ahead of another before a loop, None
+        if it is anything else."""
+        constants, moves = [], {}
+        left = [(one, 0) for one in self._before(head) if one not in inside]
+        while left:
+            address, moved = left.pop()
+            if moves.setdefault(address, moved) != moved:
+                return None
+            code = self.code[address]
+            if _may_write(end, *code):
+                constants.append((_added(end, counter, *code) or moved) - moved)
+                continue
+            step = _added(counter, counter, *code) if _may_write(counter, *code) else 0
+            if step is None or self._is_call(address) or address in self.names:
+                return None
+            before = [one for one in self._before(address) if one not in inside]
+            left += [(one, moved + step) for one in before if moves.get(one) != moved + step]
+        return max(constants) if constants and min(constants) > 0 else None
 
     def _cut(self, head, inside, nodes, tests):
         """Whether every way back to the head of a loop has one of some tests."""
@@ -367,6 +418,17 @@ def _may_write(register, name, rest):
     if re.match(r"str|stm|cmp|cmn|tst|teq|cbn?z", name):
         return False
     return rest.startswith(f"{register},") or bool(re.match(SEVERAL, name))
+
+
+def _added(result, register, name, rest):
+    """Return the constant that an instruction adds to a register for a result, None for another."""
+    operands = (
+        rf"{result}, (?:{register}, )?#(\d+)"
+        if result == register
+        else rf"{result}, {register}, #(\d+)"
+    )
+    match = re.fullmatch(rf"add[sw.]* {operands}", f"{name} {rest}")
+    return int(match[1]) if match else None
 
 
 def loop_bounds(text):
