@@ -1,7 +1,9 @@
 """Magnetorquers alone, and beside wheels: against a SciPy program that shares no code."""
 
+import dataclasses
 import itertools
 
+import equinox as eqx
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -19,9 +21,14 @@ INERTIA = np.array([[0.05, 0.002, -0.001], [0.002, 0.04, 0.003], [-0.001, 0.003,
     [*itertools.product([0, 2, 3], [False, True], [False]), (3, True, True)],
 )
 def test_runs_are_those_of_an_independent_program(wheels, failing, tolerant):
-    """Under quaternion feedback, and the fault-tolerant law where nothing fails that it sees."""
+    """Under quaternion feedback, and the fault-tolerant law where nothing fails that it sees.
+
+    The program has no trials of magnetorquers, so that the law does without their diagnosis."""
     chosen = scenario(wheels, failing, tolerant)
     run = build(chosen)
+    if tolerant:
+        loop = eqx.tree_at(lambda one: one.controller.rods.fit, run.loop, None)
+        run = dataclasses.replace(run, loop=loop)
     found = run.simulate()
     count = len(found.times) - 1
     axes = np.array([one.axis for one in chosen.magnetorquer], float).T

@@ -337,15 +337,14 @@ class Program:
             return None
         for counter, end in (tests[0].groups(), tests[0].groups()[::-1]):
             writes = [self.code[one] for one in inside if _may_write(counter, *self.code[one])]
-            steps = [_added(counter, counter, *code) for code in writes]
-            if (
-                steps
-                and None not in steps
-                and not any(_may_write(end, *self.code[one]) for one in inside)
-            ):
-                ahead = self._ahead(head, inside, counter, end)
-                if ahead is not None and ahead % sum(steps) == 0:
-                    return ahead // sum(steps)
+            steps = [step for one in writes if (step := _added(counter, counter, *one))]
+            if not steps or len(steps) < len(writes):
+                continue
+            if any(_may_write(end, *self.code[one]) for one in inside):
+                continue
+            ahead = self._ahead(head, inside, counter, end)
+            if ahead is not None and ahead % sum(steps) == 0:
+                return ahead // sum(steps)
         return None
 
     def _named(self, addresses, name):
