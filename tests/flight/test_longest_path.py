@@ -22,6 +22,9 @@ def script():
     return module
 
 
+BEYOND = ("moved", "beyond", "varied", "either", "after", "other_flags")
+"""Functions with a loop like that of a copy that may turn more often."""
+
 CODE = """\
 #include <math.h>
 #include <stdint.h>
@@ -54,6 +57,8 @@ void moved(void) __attribute__((naked));
 void beyond(void) __attribute__((naked));
 void varied(void) __attribute__((naked));
 void either(void) __attribute__((naked));
+void after(void) __attribute__((naked));
+void other_flags(void) __attribute__((naked));
 static void times(int32_t count) __attribute__((noinline));
 static void times(int32_t count)
 {
@@ -175,6 +180,16 @@ void either(void)
   __asm__("add.w r1, r0, #48; cmp r2, #0; beq 1f; mov r1, r3");
   __asm__("1: ldr r2, [r0]; add.w r0, r0, #16; cmp r0, r1; bne 1b; bx lr");
 }
+void after(void)
+{
+  __asm__("add.w r1, r0, #48");
+  __asm__("1: ldr r2, [r0]; cmp r0, r1; add.w r0, r0, #16; bne 1b; bx lr");
+}
+void other_flags(void)
+{
+  __asm__("add.w r1, r0, #48");
+  __asm__("1: add.w r0, r0, #16; cmp r0, r1; adds r2, r2, #1; bne 1b; bx lr");
+}
 int main(void) { return 0; }
 """
 
@@ -247,7 +262,7 @@ def test_the_stack_is_that_of_the_compiler_along_the_deepest_chain(script, progr
         ("point", "point calls by a pointer"),
         ("rest", "fmod has a loop and no debug information"),
         ("unknown", "unknown copies an unknown number of bytes"),
-        *((name, "has a loop without") for name in ("moved", "beyond", "varied", "either")),
+        *((name, "has a loop without") for name in BEYOND),
     ],
 )
 def test_what_cannot_be_bounded_is_told(script, program, name, why):

@@ -40,6 +40,7 @@ TABLE = re.compile(r"tb[bh] |(mov|add|ldr)\S* pc, (?!lr|\[sp)")
 SEVERAL = r"ldm|pop|ldrd|[us]ml|[us]mull|vmov"  # more results than their first operand
 RETURN = re.compile(r"(mov|ldr)\S* pc, |(pop|ldm)\S* .*\bpc\}")
 SAVES = re.compile(r"(push|pop) |(stm|ldm)\S* sp!")
+FLAGS = re.compile(r"\w+s|cmp|cmn|tst|teq")  # may set flags, by their names
 BRANCH = re.compile(rf"(b|bl|bx|blx)({CONDITIONS})?(\.[nw])?|(cbn?z)")
 
 
@@ -327,28 +328,27 @@ class Program:
     def _passes_of_copy(self, head, inside, nodes):
         """Return the passes of a loop without branches that ends where a register, to which it adds
         a constant, equals another one; None for any other loop."""
-        tests = [
-            re.fullmatch(r"(\w+), (\w+)", self.code[one][1]) for one in self._named(inside, "cmp")
-        ]
-        ends = [
-            self.code[one][0].split(".")[0] for one in inside if nodes[one] != [self.after.get(one)]
-        ]
-        if ends != ["bne"] or len(tests) != 1 or tests[0] is None:
+        tests = [one for one in inside if self.code[one][0].split(".")[0] == "cmp"]
+        ends = [self.code[one][0] for one in inside if nodes[one] != [self.after.get(one)]]
+        if len(tests) != 1 or len(ends) != 1 or ends[0].split(".")[0] != "bne":
             return None
-        for counter, end in (tests[0].groups(), tests[0].groups()[::-1]):
+        registers = re.fullmatch(r"(\w+), (\w+)", self.code[tests[0]][1])
+        later = [self.code[one] for one in inside if one > tests[0]]
+        if registers is None or any(FLAGS.fullmatch(name.split(".")[0]) for name, _ in later):
+            return None
+        for counter, end in (registers.groups(), registers.groups()[::-1]):
             writes = [self.code[one] for one in inside if _may_write(counter, *self.code[one])]
             steps = [step for one in writes if (step := _added(counter, counter, *one))]
             if not steps or len(steps) < len(writes):
                 continue
             if any(_may_write(end, *self.code[one]) for one in inside):
                 continue
+            if any(_may_write(counter, *code) for code in later):
+                continue
             ahead = self._ahead(head, inside, counter, end)
             if ahead is not None and ahead % sum(steps) == 0:
                 return ahead // sum(steps)
         return None
-
-    def _named(self, addresses, name):
-        return [one for one in addresses if self.code[one][0].split(".")[0] == name]
 
     def _ahead(self, head, inside, counter, end):
         """Return the largest constant by which a register is ahead of another before a loop, None
