@@ -8,7 +8,7 @@ from jaxsat.core.array_types import RealScalar, Vector
 from jaxsat.core.checks import as_float, not_negative
 
 ROUNDS = 2
-"""Largest number of pulses added in a period to the surely whole ones."""
+"""Largest number of pulses added in a period to the whole ones."""
 
 WORTH = 0.7
 """Smallest demanded rate change along a pulse, relative to the pulse's own, for which it fires.

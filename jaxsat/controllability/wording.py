@@ -13,7 +13,7 @@ ALIGNED = 0.01
 """Angle (degrees) to the orbit frame below which a body counts as at rest in it."""
 
 LITTLE = 0.1
-"""Part (%) of the limits of magnetorquers below which no number is told."""
+"""Part (%) of the limits of magnetorquers below which the text gives no number."""
 
 
 def _direction(vector: Float[np.ndarray, "3"]) -> str:

@@ -183,7 +183,7 @@ class ExternalEstimator(AbstractEstimator):
         """Return the library's estimate and memory."""
         arrays = eqx.filter(self.estimator, is_parameter)
         momentum = self.library.program.now.measured.wheel_momentum
-        if momentum is not None:  # which passes the estimator by, and `ExternalLaw` is told
+        if momentum is not None:  # which the estimator does not use, and `ExternalLaw` receives
             momentum = jnp.zeros(momentum.shape)
         attitude, rate = cast(Quaternion, measurement.attitude), measurement.rate
         measured = Measured(rate, attitude.q, cast(Array, measurement.seen), momentum)

@@ -153,7 +153,7 @@ def rows(
             field,
             _unit(field),
             _numbers(field) or "any",
-            "no number is NaN",
+            "not NaN",
             period,
         )
         for field in program.structs["state"].fields

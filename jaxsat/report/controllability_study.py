@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 
 MAP_STEPS = 300  # about 45,000 bodies, one for each two pixels of the figure
 MAP_ANGLES = (241, 121)
-MAX_ACTUATORS = 8  # 256 cases; of more actuators, single and double failures are told
+MAX_ACTUATORS = 8  # 256 cases; beyond, only single and double failures are listed
 
 
 class ControllabilityStudy(NamedTuple):

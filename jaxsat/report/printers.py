@@ -29,7 +29,7 @@ WIDEST = 10**4
 """Columns of an output that is no terminal, where only sentences in a table are folded."""
 
 SENTENCE = 60
-"""Columns beyond which a cell that is no number is folded."""
+"""Columns beyond which a cell of text is folded."""
 
 
 def terminal_text(document: Document) -> str:

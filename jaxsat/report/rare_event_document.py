@@ -40,7 +40,11 @@ def _verdict(record: Record) -> Verdict:
     how = f"probability {probability_text(probability)}"
     if probability.value == 0:
         how = f"a probability below {probability.high:.2g}"
-    trust = "It may not hold, as told below." if record["doubts"] else "Nothing speaks against it."
+    trust = (
+        "It may not hold, for the reasons below."
+        if record["doubts"]
+        else "Nothing speaks against it."
+    )
     text = f"{record['requirement']} is violated with {how}."
     return Verdict(None, text, [f"The interval is of {confidence}. {trust}"])
 
@@ -164,7 +168,7 @@ def _level_plot(record: Record) -> Plot:
 
 
 def _decisive(record: Record) -> list[Record]:
-    """Return the quantities with percentiles in which violating cases surely differ most."""
+    """Return the quantities with percentiles in which violating cases differ beyond chance."""
     least = chance_distance(record)
     rows = [one for one in record["differences"] if one["everywhere"] and one["distance"] > least]
     return rows[:SHOWN]

@@ -166,8 +166,8 @@ def fills_wheels(
     `given` (N m s, axes of the target) from outside until each of the `times`, beside that of the
     start.
 
-    Only momentum about axes of wheels counts. None where they are not full, where those of
-    `_momentum_beyond_wheels` are told, or where other actuators take momentum out.
+    Only momentum about axes of wheels counts. None where they are not full, where
+    `_momentum_beyond_wheels` warns, or where other actuators take momentum out.
     """
     makers = TorqueMakers.of(scenario)
     limit = _limits_that_count(scenario, makers)

@@ -169,7 +169,8 @@ def percentile(values: np.ndarray, percent: float) -> Interval:
 
 @latest(256)
 def _order_statistics(count: int, percent: float) -> tuple[int, int]:
-    """Number of order statistics surely below a percentile, and index of the first above it."""
+    """Number of order statistics below a percentile, and index of the first above it, each with the
+    confidence `LEVEL` of both."""
     from scipy import special  # takes its time, and a study that is computed has no use for it
 
     tail = (1 - LEVEL) / 2

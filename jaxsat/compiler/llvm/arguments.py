@@ -39,7 +39,7 @@ class Argument:
         """
         self._require_shape(np.shape(x))  # before anything large is copied
         array = self._copied(x)
-        self._require_shape(array.shape)  # whatever `x` told of itself
+        self._require_shape(array.shape)  # whatever shape `x` claims
         return array
 
     def _require_shape(self, shape: tuple[int, ...]) -> None:

@@ -25,7 +25,7 @@ def scalar_type(dtype: np.dtype) -> str:
 def vector_of(kind: str, lanes: int) -> str:
     """Return the type of a scalar of this type in every lane.
 
-    One lane is a scalar, which LLVM would otherwise make of it.
+    One lane is a scalar: LLVM would turn the vector into one anyway.
     """
     return kind if lanes == 1 else f"<{lanes} x {kind}>"
 

@@ -7,7 +7,7 @@ Bounds = tuple[int, int]
 """The least and the largest of some integers; none where the first is above the second."""
 
 NONE: Bounds = (0, -1)
-"""Bounds of no number."""
+"""Bounds with nothing between them."""
 
 DEPTH = 6
 """Depth to which the operands of "and" and "or" are examined."""
@@ -29,7 +29,7 @@ def united(x: Bounds, y: Bounds) -> Bounds:
 
 
 def is_empty(x: Bounds) -> bool:
-    """Whether no number is within the bounds."""
+    """Whether nothing is within the bounds."""
     return x[0] > x[1]
 
 

@@ -1,4 +1,4 @@
-"""Whether torques of the environment fill the wheels during a run, told before it."""
+"""Whether torques of the environment fill the wheels during a run: a caution before it."""
 
 import math
 
@@ -18,15 +18,15 @@ from jaxsat.spacecraft.environment.disturbances import (
 )
 
 PHASES, MOST_INSTANTS, MOST_JUDGED = 96, 100_000, 2000
-"""Instants of a period of the fastest torque; most instants of a run, beyond which nothing is
-told; and most of them at which the wheels are judged."""
+"""Instants of a period of the fastest torque; most instants of a run, beyond which there is
+no caution; and most of them at which the wheels are judged."""
 
 
 def full_wheels_words(scenario: Scenario) -> str | None:
     """Caution if torques from outside fill the wheels before the end of a run, else None.
 
-    The body is assumed at the target. Nothing is told of wheels that the momentum at the start or a
-    constant torque alone fill, nor where thrusters or magnetorquers take momentum out.
+    The body is assumed at the target. No caution where the momentum at the start or a constant
+    torque alone fills the wheels, nor where thrusters or magnetorquers take momentum out.
     """
     limited = any(one.momentum_limit_N_m_s is not None for one in scenario.wheel)
     if not limited or scenario.thruster or scenario.magnetorquer:

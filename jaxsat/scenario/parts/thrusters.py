@@ -157,7 +157,7 @@ def _a_law_that_commands_actuators_has_some(thrusters, wheels, magnetorquers, ax
 def _others_fly(makers: TorqueMakers, steered: bool) -> bool:
     """Whether other actuators may fly without torques of thrusters, so that rules of theirs decide.
 
-    `steered` tells of those with a steering of their own that work.
+    `steered`: whether actuators with a steering of their own work.
     """
     commands = makers.law.commands_actuators
     if makers.pushes.size:

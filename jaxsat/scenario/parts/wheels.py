@@ -161,7 +161,7 @@ def _wheels_and_thrusters_make_what_the_law_commands(values):
 
 
 def _diagnosis_issues(law, wheels, beside):
-    """Yield issues under a law that commands each wheel; `beside` tells of others that work."""
+    """Yield issues under a law that commands each wheel; `beside`: whether other actuators work."""
     what = f'under the law "{law}", which diagnoses wheels'
     if wheels and not beside and np.trace(left_by_wheels(wheels, 3)) > 1 + MISSING:
         count = sum(not one.failed for one in wheels)

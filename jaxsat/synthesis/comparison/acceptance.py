@@ -104,7 +104,7 @@ def comparison_scenario(setting: ComparisonSetting) -> Scenario:
             override("spacecraft.torque_limit_N_m", setting.torque_limit),
             override("simulation.duration_s", horizon(setting.torque_limit)),
         ],
-        caution=lambda text: None,  # the table tells of untuned limits once
+        caution=lambda text: None,  # the table names untuned limits once
     )
     data = base.model_dump(exclude_none=True)
     data["title"] = f"{base.title}: {setting.law}, {setting.torque_limit:g} N m"

@@ -182,9 +182,9 @@ def design(
     settle; `steps` are those of the tuner, 0 for none. The seeds of the steps are `seed` (default:
     the scenario's) and the three that follow. The first law's fraction of 500 cases is a remark to
     the `listener` while the design goes on. With `attitude` "nearest" the target is the nearest
-    attitude that can be held. The `goal` "settled" ends with the first law that surely settles the
-    required fraction, and tunes only where none does. With `out` the design is kept in that folder,
-    as by `jaxsat design`, and the same call resumes it.
+    attitude that can be held. The `goal` "settled" ends with the first law that settles the
+    required fraction with 95 % confidence, and tunes only where none does. With `out` the design is
+    kept in that folder, as by `jaxsat design`, and the same call resumes it.
 
     Raises `ValueError` for invalid arguments and `OutputError` for a folder that cannot be used. A
     vehicle with nothing to design raises nothing: see `ControllerDesign.outcome`.
