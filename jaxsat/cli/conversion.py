@@ -1,4 +1,4 @@
-"""Conversion of a trajectory to other formats: CCSDS attitude ephemeris and CSV."""
+"""Conversion of a trajectory to a CCSDS attitude ephemeris."""
 
 import datetime
 import tomllib
@@ -14,7 +14,6 @@ from jaxsat.core.errors import JaxsatError
 from jaxsat.core.text import clean
 from jaxsat.scenario.build.plant import place_of
 from jaxsat.scenario.parts.orbit import OrbitTable
-from jaxsat.store.tables import columns_of
 
 FRAMES = {"inertial": "EME2000", "orbit": "LVLH"}
 """Names of the reference frames in an attitude ephemeris."""
@@ -150,14 +149,3 @@ def _orbit_frame(dataset: xr.Dataset, seconds: np.ndarray) -> Rotation:
     orbit = place_of(_orbit_table(dataset))
     axes = np.asarray(jax.vmap(orbit.axes)(jnp.asarray(seconds)))
     return Rotation.from_matrix(np.swapaxes(axes, 1, 2))
-
-
-def signal_table(dataset: xr.Dataset) -> str:
-    """Return all signals of a run as CSV, a row for each saved time, units in the column names."""
-    columns = {"time_s": dataset["time"].values}
-    for name, variable in dataset.data_vars.items():
-        if variable.dims[:1] == ("time",) and variable.ndim <= 2:
-            columns |= columns_of(str(name), variable)
-    rows = np.stack(list(columns.values()), axis=1)
-    lines = [",".join("" if np.isnan(x) else repr(float(x)) for x in row) for row in rows]
-    return "\n".join([",".join(columns), *lines, ""])

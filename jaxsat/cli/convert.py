@@ -1,5 +1,6 @@
-"""`jaxsat convert`: runs for other programs, and spacecraft of 42 as scenarios."""
+"""`jaxsat convert`: runs and studies for other programs, and spacecraft of 42 as scenarios."""
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -19,25 +20,28 @@ def convert(
     source: str,
     /,
     *,
-    to: Literal["aem", "csv", "scenario"],
+    to: Literal["aem", "csv", "mat", "parquet", "scenario"],
     epoch: Text = None,
     frame: Literal["inertial", "orbit"] = "inertial",
     object_name: Text = None,
     object_id: Text = None,
     output: Output = Output(),
 ) -> int:
-    """Write a run as CCSDS attitude ephemeris (AEM) or CSV, or a spacecraft of 42 as a scenario.
+    """Write a run or a study for MATLAB or as CSV or Parquet, a run as CCSDS attitude ephemeris
+    (AEM), or a spacecraft of 42 as a scenario.
 
     Parameters
     ----------
     source
-        Folder that `jaxsat simulate` or `montecarlo --case` wrote, or its trajectory.nc; for a
-        scenario a spacecraft file of the simulator 42.
+        Folder that `jaxsat simulate` or `montecarlo --case` wrote, or its trajectory.nc; the store
+        of a study, but for AEM; for a scenario a spacecraft file of the simulator 42.
     to
-        aem: quaternions over UTC as defined by CCSDS 504.0-B; csv: all signals, one column each;
-        scenario: inertia, wheels, magnetorquers and thrusters of one rigid body.
+        aem: quaternions over UTC as defined by CCSDS 504.0-B; csv, parquet: a column for each
+        signal of a run or result of a case; mat: all arrays, with their units; scenario: inertia,
+        wheels, magnetorquers and thrusters of one rigid body.
     output.out
-        File to write; by default beside the source, with its name and .aem, .csv or .toml.
+        File to write; by default beside the source, with its name and the ending of the format
+        (.toml for a scenario).
     epoch
         UTC at the start of the run, such as 2026-03-20T12:00:00; for AEM. By default the epoch of
         the scenario.
@@ -55,18 +59,21 @@ def convert(
     target = output.out or _beside(path, "toml" if to == "scenario" else to)
     if to != "aem" and epoch is not None:
         raise UserMistake(f"--epoch: must be given with --to aem, got --to {to}")
+    if to == "parquet" and find_spec("pyarrow") is None:
+        raise UserMistake("--to parquet: must have pyarrow; pip install 'jaxsat[parquet]'")
     start = None if epoch is None else _epoch(epoch)
     from jaxsat.store.files import refuse_existing, save_file
 
     refuse_existing(target, overwrite=output.overwrite)
     left_out: list[str] = []
+    content: str | bytes
     if to == "scenario":
-        text, left_out = _spacecraft(path)
+        content, left_out = _spacecraft(path)
     else:
         use_double_precision()
         show_progress(f"reading {path}")
-        text = interruptibly(lambda: _convert(path, to, start, frame, object_name, object_id))
-    save_file(target, text, overwrite=output.overwrite)
+        content = interruptibly(lambda: _convert(path, to, start, frame, object_name, object_id))
+    save_file(target, content, overwrite=output.overwrite)
     if not output.quiet:
         for line in left_out:
             print_stdout(f"not in it: {line}")
@@ -99,9 +106,12 @@ def _text(path: Path) -> str:
 
 
 def _beside(run: Path, ending: str) -> Path:
-    """Return the path beside the folder of a run, even for its trajectory; else beside the file."""
+    """Return the path beside the folder of a run, even for its trajectory; else beside the file, or
+    the store."""
     from jaxsat.store.marker import MARKER
 
+    if _is_store(run) and run.suffix == ".zarr":
+        return run.with_suffix(f".{ending}")
     if not run.is_dir():
         if not (run.parent / MARKER).is_file():
             return run.with_name(f"{run.stem}.{ending}")
@@ -111,6 +121,12 @@ def _beside(run: Path, ending: str) -> Path:
     return run.parent / f"{run.name or 'run'}.{ending}"
 
 
+def _is_store(path: Path) -> bool:
+    from jaxsat.store.chunks import METADATA
+
+    return (path / METADATA).is_file()
+
+
 def _convert(
     path: Path,
     to: str,
@@ -118,19 +134,14 @@ def _convert(
     frame: str,
     name: str | None,
     identifier: str | None,
-) -> str:
-    from jaxsat.cli.conversion import (
-        ConversionError,
-        attitude_ephemeris,
-        epoch_of_run,
-        signal_table,
-    )
+) -> str | bytes:
+    from jaxsat.cli.conversion import ConversionError, attitude_ephemeris, epoch_of_run
     from jaxsat.core.earth import EPOCH_FORM
     from jaxsat.store.dataset import coarseness, open_trajectory
 
+    if to != "aem":
+        return _file(path, to)
     dataset = open_trajectory(path)
-    if to == "csv":
-        return signal_table(dataset)
     start = epoch_of_run(dataset) if start is None else start
     if start is None:
         raise UserMistake(
@@ -145,6 +156,17 @@ def _convert(
             dataset, start, frame=frame, object_name=name or "", object_id=identifier or "UNKNOWN"
         )
     except ConversionError as error:
+        raise UserMistake(f"{path}: {error}") from None
+
+
+def _file(path: Path, to: str) -> bytes:
+    from jaxsat.cli.formats import FORMATS, FormatError
+    from jaxsat.store.dataset import open_trajectory
+    from jaxsat.store.tables import open_study
+
+    try:
+        return FORMATS[to](open_study(path) if _is_store(path) else open_trajectory(path))
+    except FormatError as error:
         raise UserMistake(f"{path}: {error}") from None
 
 

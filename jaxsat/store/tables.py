@@ -77,8 +77,7 @@ def case_table(study: xr.Dataset) -> pd.DataFrame:
     "settled", "unsettled", or the name of the failure. Drawn values come last, as `drawn_...`.
     Histories are left out, and codes are replaced by their meanings.
     """
-    cases = study[[name for name in study.data_vars if not _is_history(study[name])]]
-    cases = cases.isel({CASE: np.flatnonzero(np.asarray(study[STATUS]) == DONE)}).load()
+    cases = completed_cases(study[[one for one in study.data_vars if not _is_history(study[one])]])
     columns: dict[str, np.ndarray] = {}
     for name in sorted(map(str, cases), key=lambda name: (name.startswith("drawn_"), name)):
         variable = cases[name]
@@ -87,6 +86,11 @@ def case_table(study: xr.Dataset) -> pd.DataFrame:
         elif name != STATUS:
             columns |= _case_columns(name, variable)
     return pd.DataFrame(columns, index=pd.Index(cases[CASE].values, name=CASE))
+
+
+def completed_cases(study: xr.Dataset) -> xr.Dataset:
+    """Return the completed cases of a study, read into memory."""
+    return study.isel({CASE: np.flatnonzero(np.asarray(study[STATUS]) == DONE)}).load()
 
 
 def save_case_table(

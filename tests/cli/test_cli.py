@@ -157,7 +157,7 @@ def test_failed_run_is_written_and_exits_1(jaxsat, tmp_path):
         (["simulate", "paper-rate", "switching"], "`jaxsat simulate`: must be given without switc"),
         (["compare"], "--seed: must be given (Seed of the cases), got nothing"),
         (["compare", "--sed", "3"], "--sed: must be an option of `jaxsat compare`, did you mean"),
-        (["convert", "x"], "--to: must be given (one of aem, csv, scenario), got nothing"),
+        (["convert", "x"], "--to: must be given (one of aem, csv, mat, parquet, scenario), got n"),
         (
             ["montecarlo", "x", "-n"],
             "-n: must be given with a value (Number of cases), got nothing",

@@ -1,14 +1,12 @@
 """Formats of others, read back by programs that are not ours."""
 
-import io
-
 import numpy as np
 import pytest
 from ccsds_ndm.ndm_io import NdmIo
 from scipy.spatial.transform import Rotation
 
 from helpers.pages import SCENARIO, run_dataset
-from jaxsat.cli.conversion import ConversionError, attitude_ephemeris, signal_table
+from jaxsat.cli.conversion import ConversionError, attitude_ephemeris
 
 RATE, INCLINATION, NODE, LATITUDE = 0.0011, 0.9, -0.4, 2.0
 ORBIT = f"""
@@ -74,15 +72,6 @@ def test_an_attitude_ephemeris_in_the_orbit_frame_has_the_saved_quaternions():
 def test_an_attitude_ephemeris_without_an_orbit_needs_the_orbit_frame():
     with pytest.raises(ConversionError, match="take the frame orbit"):
         attitude_ephemeris(run_dataset(), EPOCH)
-
-
-def test_a_table_of_signals_is_read_back_to_the_last_bit():
-    run = run_dataset()
-    run["omega"][3, 1] = np.nan
-    found = np.genfromtxt(io.StringIO(signal_table(run)), delimiter=",", names=True)
-    np.testing.assert_array_equal(found["time_s"], run["time"])
-    np.testing.assert_array_equal(found["omega_1_rad_s"], run["omega"].values[:, 1])
-    np.testing.assert_array_equal(found["quaternion_0"], run["quaternion"].values[:, 0])
 
 
 @pytest.mark.parametrize(
