@@ -1,14 +1,12 @@
 """`jaxsat design`: from a vehicle with failures to a verified controller."""
 
-from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from jaxsat.cli.listening import run_into
+from jaxsat.cli.listening import present_result
 from jaxsat.cli.loading import load_vehicle
 from jaxsat.cli.options import OptionalSeed, Overrides, Resumable, Text, number, whole
-from jaxsat.cli.report import planned_report, present
 from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, print_stderr
 
 MAX_STEPS, MAX_CASES, MIN_SETTLED = 10_000, 10**6, 1e-6
@@ -62,13 +60,11 @@ def design(
         Output folder; by default jaxsat-NAME-designed in the current folder.
     """
     vehicle = load_vehicle(scenario, overrides)
-    target = results.out or Path(f"jaxsat-{Path(scenario).stem}-designed")
-    report = planned_report(results, target)
-
     import jaxsat
 
-    result = run_into(
-        target,
+    result = present_result(
+        scenario,
+        "designed",
         results,
         lambda **into: jaxsat.design(
             vehicle,
@@ -83,7 +79,6 @@ def design(
         ),
         design.__annotations__,
     )
-    present(result.document, target, results, report)
     if result.outcome == "reached":
         return SUCCESS
     if results.quiet:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from jaxsat.cli.computing import interruptibly
 from jaxsat.cli.options import Resumable, option_mistake
 from jaxsat.cli.progress import show_progress
+from jaxsat.cli.report import planned_report, present
 from jaxsat.cli.terminal import print_stderr, print_warning
 from jaxsat.cli.work import require_approval
 
@@ -16,25 +17,36 @@ if TYPE_CHECKING:
     from jaxsat.synthesis.execution import Execution, Listener
     from jaxsat.synthesis.tuning.descent import DescentProgress
 
-Result = TypeVar("Result")
+Result = TypeVar("Result", bound=Any)
 
 
-def run_into(
-    target: Path, results: Resumable, work: Callable[..., Result], options: Container[str] = ()
+def present_result(
+    scenario: str,
+    ending: str,
+    results: Resumable,
+    work: Callable[..., Result],
+    options: Container[str] = (),
 ) -> Result:
-    """Return the result of `work`, called with folder, execution of studies and a listener.
+    """Return the result of `work`, as `resumable` does, and print its document and write a report.
 
-    An interruption reports that the results so far are in `target`. A `ValueError` becomes a
-    `UserMistake` that names the option of the wrong argument, if it is in `options`.
+    The folder is by default jaxsat-NAME-ENDING. A `ValueError` becomes a `UserMistake` that names
+    the option of the wrong argument, if it is in `options`.
     """
+    target = results.out or Path(f"jaxsat-{Path(scenario).stem}-{ending}")
+    report = planned_report(results, target)
     try:
-        return resumable(target, results, work)
+        result = resumable(target, results, work)
     except ValueError as error:
         raise option_mistake(error, options) from None
+    present(result.document, target, results, report)
+    return result
 
 
 def resumable(target: Path, results: Resumable, work: Callable[..., Result]) -> Result:
-    """Return the result of `work` as `run_into` does, with its errors as they are."""
+    """Return the result of `work`, called with folder, execution of studies and a listener.
+
+    An interruption reports that the results so far are in `target`.
+    """
     with resumed_later(target):
         return interruptibly(
             lambda: work(

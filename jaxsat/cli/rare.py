@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
-from jaxsat.cli.listening import execution, listener, run_into
+from jaxsat.cli.listening import execution, listener, present_result
 from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import (
     MAX_BATCH_SIZE,
@@ -18,7 +18,7 @@ from jaxsat.cli.options import (
     option_mistake,
     whole,
 )
-from jaxsat.cli.report import finish_report, planned_report, present
+from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.study_files import write_one_case
 from jaxsat.cli.terminal import SUCCESS
 
@@ -71,15 +71,14 @@ def rare(
         results in the folder are resumed.
     """
     chosen = load_scenario(scenario, overrides, "study")
-    target = results.out or Path(f"jaxsat-{Path(scenario).stem}-rare")
     if case is not None:
-        return _fly_again(chosen, target, case, results)
-    report = planned_report(results, target)
-
+        folder = results.out or Path(f"jaxsat-{Path(scenario).stem}-rare")
+        return _fly_again(chosen, folder, case, results)
     import jaxsat
 
-    result = run_into(
-        target,
+    present_result(
+        scenario,
+        "rare",
         results,
         lambda **into: jaxsat.rare_event(
             chosen,
@@ -92,7 +91,6 @@ def rare(
         ),
         OPTIONS,
     )
-    present(result.document, target, results, report)
     return SUCCESS
 
 

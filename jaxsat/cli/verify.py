@@ -1,14 +1,12 @@
 """`jaxsat verify`: whether a scenario meets its requirements, with a stated confidence."""
 
-from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from jaxsat.cli.listening import run_into
+from jaxsat.cli.listening import present_result
 from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import MAX_CASES, Flag, Overrides, Resumable, number, whole
-from jaxsat.cli.report import planned_report, present
 from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, print_stderr
 
 
@@ -50,13 +48,11 @@ def verify(
         Output folder; by default jaxsat-NAME-verified in the current folder.
     """
     chosen = load_scenario(scenario, overrides, "study")
-    target = results.out or Path(f"jaxsat-{Path(scenario).stem}-verified")
-    report = planned_report(results, target)
-
     import jaxsat
 
-    result = run_into(
-        target,
+    result = present_result(
+        scenario,
+        "verified",
         results,
         lambda **into: jaxsat.verify(
             chosen,
@@ -68,7 +64,6 @@ def verify(
             **into,
         ),
     )
-    present(result.document, target, results, report)
     if result.verified:
         return SUCCESS
     if results.quiet:

@@ -1,14 +1,12 @@
 """`jaxsat worst`: the least margin of a requirement that dispersions can bring about."""
 
-from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from jaxsat.cli.listening import run_into
+from jaxsat.cli.listening import present_result
 from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import MAX_BATCH_SIZE, Overrides, Resumable, Text, number, whole
-from jaxsat.cli.report import planned_report, present
 from jaxsat.cli.terminal import SUCCESS
 
 OPTIONS = ("requirement", "flights", "within")
@@ -46,18 +44,15 @@ def worst(
         Output folder; by default jaxsat-NAME-worst in the current folder.
     """
     chosen = load_scenario(scenario, overrides, "study")
-    target = results.out or Path(f"jaxsat-{Path(scenario).stem}-worst")
-    report = planned_report(results, target)
-
     import jaxsat
 
-    result = run_into(
-        target,
+    present_result(
+        scenario,
+        "worst",
         results,
         lambda **into: jaxsat.worst_case(
             chosen, requirement, flights=flights, within=within, **into
         ),
         OPTIONS,
     )
-    present(result.document, target, results, report)
     return SUCCESS
