@@ -22,9 +22,8 @@ from jaxsat.cli.options import (
     option_mistake,
     torque_limits,
 )
-from jaxsat.cli.places import refuse_nested
 from jaxsat.cli.report import finish_report, planned_report
-from jaxsat.cli.study_files import refuse_csv
+from jaxsat.cli.study_files import refuse_csv, refuse_nested
 from jaxsat.cli.terminal import SUCCESS, UserMistake, print_document, print_stdout
 
 Level = Literal["nominal", "mc", "hard", "all"]

@@ -7,9 +7,9 @@ from cyclopts import Parameter
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_vehicle
 from jaxsat.cli.options import Flag, Overrides, Results, number, whole
-from jaxsat.cli.places import try_folder
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import finish_report, planned_report
+from jaxsat.cli.study_files import try_folder
 from jaxsat.cli.terminal import SUCCESS, UserMistake, print_document, print_stdout
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
-from jaxsat.cli.listening import progress_text
+from jaxsat.cli.listening import progress_text, require_approval
 from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import (
     Case,
@@ -22,13 +22,14 @@ from jaxsat.cli.options import (
     Resumable,
     Text,
 )
-from jaxsat.cli.places import refuse_nested, try_folder
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import PlannedReport, finish_report, planned_report
 from jaxsat.cli.study_executors import Sharing, chosen_executor
 from jaxsat.cli.study_files import (
     figures_folder,
     refuse_csv,
+    refuse_nested,
+    try_folder,
     write_csv,
     write_figures,
     write_one_case,
@@ -41,7 +42,6 @@ from jaxsat.cli.terminal import (
     print_stdout,
     print_warning,
 )
-from jaxsat.cli.work import require_approval
 from jaxsat.core.errors import LibraryError
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from jaxsat.cli.computing import dask_unseen, interruptibly, use_double_precision
 from jaxsat.cli.options import Output, Results, place
-from jaxsat.cli.places import refuse_nested
 from jaxsat.cli.progress import show_progress
+from jaxsat.cli.study_files import refuse_nested
 from jaxsat.cli.terminal import SUCCESS, UserMistake, print_document, print_stdout
 
 if TYPE_CHECKING:

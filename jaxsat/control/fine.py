@@ -12,9 +12,15 @@ from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstim
 from jaxsat.control.handover import AIMED_TURN, Handover, HoldRecord, UnbalancedDrift
 from jaxsat.control.leaks import USED, Aid
 from jaxsat.control.normal_form import NormalForm, NormalState, clipped, tilt_of
-from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow
+from jaxsat.control.oscillatory import (
+    SINE,
+    FlatTop,
+    Oscillation,
+    Oscillator,
+    Slow,
+    twice_mean_square,
+)
 from jaxsat.control.sampled import AbstractSampledController
-from jaxsat.control.waves import SINE, FlatTop, twice_mean_square
 from jaxsat.core.array_types import BoolScalar, IntScalar, Pair, RealScalar, Vector
 from jaxsat.core.checks import positive
 from jaxsat.core.trees import choose

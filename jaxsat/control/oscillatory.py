@@ -8,7 +8,9 @@ With ω - e ≈ (ρ S, (α S + β C) / ρ), e the orbit frame's rate in body axe
 C = cos νt, the slow rate s and slow turn ẑ (ω3 and z without their ripple) obey on average
     ds/dt = c α / 2,    dẑ/dt = s - β / 2ν.
 A demand chooses (α, β) from (s, ẑ); the law tracks the rates that make them. A wave of mean square
-m in place of S (`jaxsat.control.waves`) takes α / 2m in place of α for the same mean product.
+m in place of S takes α / 2m in place of α for the same mean product. A flat-topped wave is
+f = S / √(S² + q² C²), the sine of the phase χ with tan χ = tan θ / q: a sine for q = 1 and a square
+wave for q = 0. Its mean square is 1 / (1 + q) and its largest slope 1 / q.
 """
 
 from typing import NamedTuple
@@ -20,11 +22,70 @@ import jax.numpy as jnp
 from jaxsat.control.demands import AbstractDemand
 from jaxsat.control.estimators import ThirdAxis
 from jaxsat.control.normal_form import NormalForm, NormalState, Tilt, leaned, tracking_torque
-from jaxsat.control.waves import twice_mean_square, wave_at
 from jaxsat.core.array_types import Pair, RealScalar, Vector
 from jaxsat.core.checks import not_negative, positive
+from jaxsat.core.declaration.settling import LEAST_ROUNDNESS
 from jaxsat.core.quotients import reciprocal
 from jaxsat.core.smooth import without_slope
+
+SINE = 1 - 1e-6
+"""q of a sine, less what keeps the quotients of a flat-topped wave finite."""
+
+SAMPLES = 1.5
+"""Smallest q in parts of the phase of a control period: the change from -1 to 1 then takes about
+three periods."""
+
+
+class Wave(NamedTuple):
+    """A wave f of mean square m at a phase θ: f, df/dθ, and two integrals without a mean.
+
+    `fall` is that of -f, `ripple` that of f² - m.
+    """
+
+    value: RealScalar
+    slope: RealScalar
+    fall: RealScalar
+    ripple: RealScalar
+
+
+def wave_at(sine: RealScalar, cosine: RealScalar, roundness: RealScalar | None) -> Wave:
+    """The flat-topped wave with q = `roundness` at a phase, or the sine for `None`."""
+    if roundness is None:
+        return Wave(sine, cosine, cosine, -sine * cosine / 2)
+    q, flat = roundness, 1 - roundness
+    square = flat * (1 + q)
+    size = jnp.sqrt(sine**2 + (q * cosine) ** 2)
+    inverse, root = reciprocal(size), jnp.sqrt(square)
+    ahead = jnp.arctan2(flat * sine * cosine, q * cosine**2 + sine**2)  # χ - θ
+    return Wave(
+        sine * inverse,
+        q**2 * cosine * inverse**3,
+        jnp.arctan2(root * cosine, size) * reciprocal(root),
+        -q * ahead * reciprocal(square),
+    )
+
+
+def twice_mean_square(roundness: RealScalar | None) -> RealScalar | float:
+    """2 / (1 + q), the mean square relative to that of a sine, for q = `roundness`."""
+    return 1.0 if roundness is None else 2 * reciprocal(1 + roundness)
+
+
+class FlatTop(eqx.Module):
+    """The flattest wave that torques and control periods make.
+
+    Its largest slope is at most the `acceleration` (rad/s²), and it changes over some control
+    periods of `period` (s).
+    """
+
+    acceleration: RealScalar = eqx.field(converter=positive("acceleration"))
+    period: RealScalar = eqx.field(converter=positive("period"))
+
+    def roundness(self, amplitude: RealScalar, frequency: RealScalar) -> RealScalar:
+        """q of a wave of an `amplitude` (rad/s) and a `frequency` (rad/s)."""
+        by_torque = amplitude * frequency / self.acceleration
+        least = jnp.maximum(SAMPLES * frequency * self.period, LEAST_ROUNDNESS)
+        return jnp.minimum(jnp.maximum(by_torque, least), SINE)
+
 
 NO_AMPLITUDE = 1e-8
 """Smallest amplitude, relative to the largest: its root has no derivative at zero."""

@@ -24,11 +24,10 @@ from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
 from jaxsat.control.finite_time_rate import FiniteTimeRate
 from jaxsat.control.least_squares import RecursiveLeastSquares
 from jaxsat.control.normal_form import BODY_XY, NormalForm
-from jaxsat.control.oscillatory import Oscillator
+from jaxsat.control.oscillatory import FlatTop, Oscillator, twice_mean_square
 from jaxsat.control.ripple import RippleFilter, Steady
 from jaxsat.control.slews import SlewPlanner
 from jaxsat.control.supervisor import ThreeSlewSettling
-from jaxsat.control.waves import FlatTop, twice_mean_square
 from jaxsat.core.checks import as_float, numpy_if_known
 from jaxsat.core.declaration.settling import TUNED_PERIOD
 from jaxsat.core.declaration.settling import holding_amplitude as own_amplitude

@@ -20,8 +20,7 @@ from jaxsat.control.tolerant_actuators import (
     Sample,
     TolerantMemory,
 )
-from jaxsat.control.two_wheels import TwoWheels
-from jaxsat.control.undriven_momentum import nearest_held
+from jaxsat.control.two_wheels import TwoWheels, nearest_held
 from jaxsat.control.what_is_left import LEFT
 from jaxsat.control.wheel_allocation import WheelAllocation, Wheeled
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector

@@ -2,7 +2,7 @@
 
 The guard is the same for every law. It judges the measurements of a sample, and calls the
 controller only with valid ones. All its fields are those of the program's structures. Its actions
-without a step are those of `jaxsat.control.guard.Guard` in simulation.
+without a step are those of `jaxsat.control.sampled.Guard` in simulation.
 """
 
 from collections.abc import Sequence

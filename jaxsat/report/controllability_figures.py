@@ -21,9 +21,8 @@ from jaxsat.control.what_is_left import LEFT
 from jaxsat.controllability.actuators import ActuatorSet
 from jaxsat.controllability.cone import TorqueCone
 from jaxsat.report.figure_painter import paint
-from jaxsat.report.notebook_figure import NotebookFigure
 from jaxsat.report.plot import TIME, Axis, Line, Plot
-from jaxsat.report.style import escape_mathematics
+from jaxsat.report.style import NotebookFigure, escape_mathematics
 
 _MOST_ROWS = 48  # of a chart of failures
 

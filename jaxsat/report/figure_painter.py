@@ -17,13 +17,13 @@ from matplotlib.ticker import AutoLocator, LogFormatterSciNotation
 from matplotlib.transforms import ScaledTranslation
 
 from jaxsat.core.text import clean
-from jaxsat.report.notebook_figure import NotebookFigure
 from jaxsat.report.plot import Axis, Line, Plot, Strips, Timeline, kept_samples, largest_of_parts
 from jaxsat.report.shared_ticks import SharedTicksAxes
 from jaxsat.report.style import (
     MAX_TITLE_LENGTH,
     SETTINGS,
     STYLES,
+    NotebookFigure,
     escape_mathematics,
     line_of,
     set_title,

@@ -4,15 +4,29 @@ Colours are three of Okabe and Ito's palette whose lightness differs; every line
 dash pattern, so that no figure depends on colour.
 """
 
+import io
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from matplotlib.figure import Figure
+
 from jaxsat.core.text import clean
 
-if TYPE_CHECKING:  # pages take their colours from here and have no matplotlib
+if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+class NotebookFigure(Figure):
+    """A figure of matplotlib as the value of a notebook's cell: its PNG."""
+
+    def _repr_png_(self) -> bytes:
+        """Return the PNG file."""
+        file = io.BytesIO()
+        self.savefig(file, format="png")
+        return file.getvalue()
+
 
 LETTERS_PER_INCH = 10.4
 """Letters per inch of a bold title of 10 points, with a margin."""
@@ -96,7 +110,7 @@ def panels(
     """Return a figure of this size (inches) with a title, and its rows of panels."""
     from matplotlib import rc_context
 
-    from jaxsat.report.notebook_figure import NotebookFigure
+    from jaxsat.report.style import NotebookFigure
 
     with rc_context(dict[Any, Any](SETTINGS)):
         figure = NotebookFigure(figsize=size, layout="constrained")

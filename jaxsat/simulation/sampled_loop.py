@@ -11,9 +11,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from jaxsat.control.controller import Memory
-from jaxsat.control.guard import Guard, GuardState
 from jaxsat.control.navigation.navigation import Navigation, NavigationState, Told
-from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.control.sampled import AbstractSampledController, Guard, GuardState
 from jaxsat.core.array_types import IntScalar, RealScalar, Vector
 from jaxsat.core.checks import as_optional_float, concrete, require_counts, require_positive
 from jaxsat.core.errors import ArgumentError

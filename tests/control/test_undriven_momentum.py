@@ -9,7 +9,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from jaxsat.control.momentum_fit import SAMPLES, MomentumFit
-from jaxsat.control.undriven_momentum import nearest_held, relative_to
+from jaxsat.control.two_wheels import nearest_held, relative_to
 from jaxsat.core.attitude import Quaternion
 from jaxsat.spacecraft.spacecraft import Spacecraft
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog, minimize
 
-from jaxsat.controllability.actuators import actuator_set, thruster_torques
+from jaxsat.controllability.actuators import actuator_set, net_force, thruster_torques
 from jaxsat.controllability.cone import torque_cone
-from jaxsat.controllability.net_force import net_force
 
 
 def layout(positions, directions, **options):

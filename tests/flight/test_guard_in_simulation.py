@@ -9,7 +9,7 @@ import pytest
 
 from helpers.tools import needs
 from jaxsat.compiler.llvm.mapped import compiled_over_cases
-from jaxsat.control.guard import Guard
+from jaxsat.control.sampled import Guard
 from jaxsat.core.errors import ArgumentError
 from jaxsat.flight import vectors
 from jaxsat.flight.reference import rows_of

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from helpers.pages import run_dataset
-from jaxsat.report.actuator_table import actuator_tables, share_sentence
+from jaxsat.report.actuator_table import actuator_tables, saturation_sentences, share_sentence
 from jaxsat.report.document import Shown
 from jaxsat.report.facts import scenario_tables
-from jaxsat.report.saturation import saturation_sentences
 from jaxsat.report.timeline import failures_of
 
 

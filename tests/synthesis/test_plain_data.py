@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxsat.store.resumable import ResumableFolder
-from jaxsat.synthesis.plain_data import plain_data, write_record
+from jaxsat.synthesis.execution import plain_data, write_record
 from jaxsat.synthesis.tuning.baselines import BaselineResult
 from jaxsat.synthesis.tuning.receipt import GradientCheck
 

@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxsat.compiler.ir import Loop, Operation, Scalar, Value
-from jaxsat.compiler.passes.comparisons import NONE, Bounds, united
-from jaxsat.compiler.passes.ranges import Ranges
+from jaxsat.compiler.passes.ranges import NONE, Bounds, Ranges, united
 
 
 class CountedLoop(NamedTuple):

@@ -29,9 +29,9 @@ QUIET_AMPLITUDE, QUIET_RATE, HOLDING_SHARE = 4.5e-5, 4.2e-3, 0.45
 the orbit rate if that is more, as a drift at rest is proportional to its square."""
 
 LEAST_ROUNDNESS, LARGEST_FALL = 1 / 8, math.pi / 2
-"""Smallest q of the flat-topped waves of the end game (`jaxsat.control.waves`), which gives 8/9 of
-the mean square of a square wave, and a bound on the integral of a wave relative to that of a sine.
-"""
+"""Smallest q of the flat-topped waves of the end game (`jaxsat.control.oscillatory`), which gives
+8/9 of the mean square of a square wave, and a bound on the integral of a wave relative to that of a
+sine."""
 
 
 def holding_amplitude(scaling: Scaling, orbit_rate: float) -> float:

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.control.undriven_momentum import nearest_held
+from jaxsat.control.two_wheels import nearest_held
 from jaxsat.controllability.cone import ROUNDING
 from jaxsat.controllability.judgement import Judgement
 from jaxsat.core.allocation import unit_columns

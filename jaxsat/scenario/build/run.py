@@ -11,8 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.control.controller import AbstractBacksteppingLaw, AbstractController, Coast
-from jaxsat.control.guard import Guard
-from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.control.sampled import AbstractSampledController, Guard
 from jaxsat.core.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.core.checks import as_array, as_float
 from jaxsat.core.errors import PrecisionError

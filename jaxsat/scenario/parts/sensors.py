@@ -28,7 +28,6 @@ from jaxsat.core.earth import EARTH_GRAVITY
 from jaxsat.core.ranges import PROBABILITY, TRACKER_NOISE
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.named import PartTable, by_its_kind
-from jaxsat.scenario.parts.outages import outage_mistakes
 from jaxsat.scenario.plugins import ESTIMATOR, PluginKind
 from jaxsat.scenario.quantities import (
     ScenarioTable,
@@ -39,7 +38,15 @@ from jaxsat.scenario.quantities import (
     table_class,
     table_with,
 )
-from jaxsat.scenario.rules import Values, at, is_multiple, rule, rule_over, sampled_laws
+from jaxsat.scenario.rules import (
+    Values,
+    at,
+    is_multiple,
+    outage_mistakes,
+    rule,
+    rule_over,
+    sampled_laws,
+)
 from jaxsat.scenario.wording import shown
 
 MAX_PERIODS = 1_000_000

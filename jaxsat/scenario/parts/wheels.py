@@ -11,7 +11,6 @@ from jaxsat.core.declaration.wheels import WHEEL
 from jaxsat.core.ranges import Range
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.actuator import number_of, table_of_device
-from jaxsat.scenario.parts.outages import outage_mistakes
 from jaxsat.scenario.parts.torque_makers import (
     MISSING,
     Tables,
@@ -20,7 +19,7 @@ from jaxsat.scenario.parts.torque_makers import (
     wheel_axes,
 )
 from jaxsat.scenario.quantities import STAND_IN, Number, inertia_matrix, quantity, within
-from jaxsat.scenario.rules import STEPS, at, key_of_fixed_steps, rule, rule_over
+from jaxsat.scenario.rules import STEPS, at, key_of_fixed_steps, outage_mistakes, rule, rule_over
 from jaxsat.scenario.tables import working_axes
 from jaxsat.scenario.wording import shown
 

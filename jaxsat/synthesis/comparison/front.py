@@ -17,9 +17,9 @@ from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.synthesis.comparison.in_scenario import scenario_under
+from jaxsat.synthesis.execution import plain_data
 from jaxsat.synthesis.optima.manoeuvre import End, Manoeuvre, ideal_thrusters, manoeuvre_of
 from jaxsat.synthesis.optima.search import propagate, quickest_plans, solution_of
-from jaxsat.synthesis.plain_data import plain_data
 
 STRETCHES = (1.005, 1.01, 1.02, 1.05, 1.1, 1.2, 1.35, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 """Durations of the front over the least time."""

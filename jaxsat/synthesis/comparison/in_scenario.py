@@ -19,7 +19,6 @@ from jaxsat.studies.ensemble import Study
 from jaxsat.studies.recovery_summary import RecoverySummary, summarise_recovery
 from jaxsat.studies.work import study_work
 from jaxsat.synthesis.comparison.acceptance import FILE, validated
-from jaxsat.synthesis.comparison.prices import prices_of
 from jaxsat.synthesis.comparison.run import (
     KIND,
     ComparisonRun,
@@ -32,6 +31,7 @@ from jaxsat.synthesis.comparison.verdict import (
     ScenarioSetting,
     chosen_law,
     comparison_row,
+    prices_of,
 )
 from jaxsat.synthesis.controller_design.candidates import SLOW_LAWS, usual_control
 from jaxsat.synthesis.execution import Execution, Listener, folder_of_call

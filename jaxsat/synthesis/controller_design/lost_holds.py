@@ -1,4 +1,7 @@
-"""Drift at rest in orbit of the bodies of a study, and whether laws for two torques balance it."""
+"""Cautions of a design before any flight, such as drift that laws for two torques do not balance.
+
+The drift is that of the bodies of a study at rest in orbit.
+"""
 
 import math
 from typing import NamedTuple
@@ -15,11 +18,14 @@ from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.plant import orbit_rate
 from jaxsat.scenario.build.study import build_study
 from jaxsat.scenario.derived import believed_axes
-from jaxsat.scenario.domain import dimensionless_numbers
+from jaxsat.scenario.domain import dimensionless_numbers, domain_cautions
+from jaxsat.scenario.flexibility import flexibility_cautions
 from jaxsat.scenario.holding import RestDrift, rest_drift
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.studies.ensemble import Study
 from jaxsat.studies.torques_left import reach_at_rest
+from jaxsat.synthesis.controller_design.candidates import Candidate
+from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict
 
 BODIES = 1000
 """Number of bodies drawn."""
@@ -115,3 +121,19 @@ def _torques(loop: AbstractLoop) -> Float[Array, "3 m"]:
         if one.storage() is None and one.dipoles() is None
     ]
     return jnp.concatenate(columns, axis=1)
+
+
+def design_cautions(
+    vehicle: Scenario, verdict: VehicleVerdict, candidates: tuple[Candidate, ...]
+) -> tuple[str, ...]:
+    """Return sentences on bodies that no law holds, on numbers of the vehicle outside the verified
+    domain, and on flexible parts that laws may excite."""
+    holds = None
+    if verdict.judgement.laws == "two torques" and not vehicle.wheel and candidates:
+        holds = lost_holds(candidates[0].scenario)
+    beyond = (
+        f"{'.'.join(map(str, issue.location))} {issue.message}"
+        for one in candidates
+        for issue in (*domain_cautions(one.scenario), *flexibility_cautions(one.scenario))
+    )
+    return (*filter(None, (holds,)), *beyond)

@@ -17,7 +17,7 @@ from jaxsat.synthesis.controller_design.explanation import Remedy, Separation
 from jaxsat.synthesis.controller_design.request import ALL, QUICK, DesignSettings
 from jaxsat.synthesis.controller_design.tuning import Tuned
 from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict
-from jaxsat.synthesis.plain_data import plain_data
+from jaxsat.synthesis.execution import plain_data
 
 DesignOutcome = Literal["reached", "not reached", "nothing to design"]
 

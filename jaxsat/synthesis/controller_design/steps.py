@@ -19,9 +19,9 @@ from jaxsat.synthesis.controller_design.candidates import (
     with_larger_end_game,
     written_out,
 )
-from jaxsat.synthesis.controller_design.cautions import design_cautions
 from jaxsat.synthesis.controller_design.completion import completed
 from jaxsat.synthesis.controller_design.explanation import MOST_FLOWN, Remedy, remedies, separations
+from jaxsat.synthesis.controller_design.lost_holds import design_cautions
 from jaxsat.synthesis.controller_design.request import DesignSettings
 from jaxsat.synthesis.controller_design.result import ControllerDesign, DesignVerification, Step
 from jaxsat.synthesis.controller_design.studies import Columns, Studies, first_answer, row_of

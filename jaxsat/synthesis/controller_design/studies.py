@@ -13,8 +13,7 @@ from jaxsat.store.resumable import ResumableFolder
 from jaxsat.studies.executors import Serial
 from jaxsat.studies.statistics import AbstractStopRule, fraction_text, percentile, wilson
 from jaxsat.synthesis.comparison.acceptance import ComparisonSetting
-from jaxsat.synthesis.comparison.prices import prices_of
-from jaxsat.synthesis.comparison.verdict import ComparisonRow, comparison_row
+from jaxsat.synthesis.comparison.verdict import ComparisonRow, comparison_row, prices_of
 from jaxsat.synthesis.controller_design.candidates import Candidate
 from jaxsat.synthesis.execution import Execution, Listener, run_columns
 

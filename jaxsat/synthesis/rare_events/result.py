@@ -9,7 +9,7 @@ from jaxsat.report.printers import notebook_text
 from jaxsat.report.rare_event_document import rare_event_document
 from jaxsat.studies.splitting import LENGTH
 from jaxsat.studies.statistics import Interval
-from jaxsat.synthesis.plain_data import plain_data
+from jaxsat.synthesis.execution import plain_data
 
 LEAST_CASES, LEAST_REPLICATIONS = 100, 3
 

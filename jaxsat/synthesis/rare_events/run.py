@@ -21,7 +21,7 @@ from jaxsat.studies.ensemble import Study
 from jaxsat.studies.splitting import LENGTH, Level, Replications, Splitting, interval_of
 from jaxsat.studies.statistics import Interval
 from jaxsat.studies.work import study_work
-from jaxsat.synthesis.execution import Execution, Listener, folder_of_call
+from jaxsat.synthesis.execution import Execution, Listener, folder_of_call, write_record
 from jaxsat.synthesis.flights import (
     Batch,
     Flights,
@@ -33,7 +33,6 @@ from jaxsat.synthesis.flights import (
     study_of_requirements,
     unit_of,
 )
-from jaxsat.synthesis.plain_data import write_record
 from jaxsat.synthesis.rare_events.doubts import doubts_of
 from jaxsat.synthesis.rare_events.result import EstimateSettings, LevelRow, RareEvent
 from jaxsat.synthesis.rare_events.violations import Violations, differences

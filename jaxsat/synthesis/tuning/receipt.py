@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.simulation.trajectory import Outcome
-from jaxsat.synthesis.plain_data import plain_data
+from jaxsat.synthesis.execution import plain_data
 from jaxsat.synthesis.tuning.cost_evaluator import CostEvaluator
 from jaxsat.synthesis.tuning.descent import DescentState
 from jaxsat.synthesis.tuning.plan import FIRST_RECEIPT_CASE, TuningPlan

@@ -16,8 +16,7 @@ from jaxsat.scenario.build.study import EngineName
 from jaxsat.store.files import parse_json
 from jaxsat.store.resumable import ResumableFolder
 from jaxsat.studies.work import Work
-from jaxsat.synthesis.execution import Listener
-from jaxsat.synthesis.plain_data import plain_data
+from jaxsat.synthesis.execution import Listener, plain_data
 from jaxsat.synthesis.tuning.baselines import (
     BaselineResult,
     missing_packages,

@@ -13,7 +13,7 @@ from jaxsat.simulation.engine.progress import Outputs
 from jaxsat.simulation.trajectory import Outcome
 from jaxsat.studies.statistics import LEVEL, Interval, wilson
 from jaxsat.studies.summary import Summary, summarise
-from jaxsat.synthesis.plain_data import plain_data
+from jaxsat.synthesis.execution import plain_data
 from jaxsat.synthesis.tuning.cost_evaluator import CostEvaluator, TrajectoryCounter
 from jaxsat.synthesis.tuning.plan import TuningPlan
 

@@ -9,7 +9,7 @@ from jaxsat.report.document import Document
 from jaxsat.report.printers import notebook_text
 from jaxsat.report.verification_document import verification_document
 from jaxsat.studies.statistics import Interval, WhenDecided
-from jaxsat.synthesis.plain_data import plain_data
+from jaxsat.synthesis.execution import plain_data
 
 VerdictName = Literal["met", "violated", "undecided", "not judged", "not tried"]
 

@@ -22,9 +22,14 @@ from jaxsat.studies.statistics import WhenAllDecided, WhenDecided
 from jaxsat.studies.summary import summarise_requirements
 from jaxsat.studies.torques_left import TorquesLeft
 from jaxsat.studies.work import study_work
-from jaxsat.synthesis.execution import Execution, Listener, folder_of_call, run_columns
+from jaxsat.synthesis.execution import (
+    Execution,
+    Listener,
+    folder_of_call,
+    run_columns,
+    write_record,
+)
 from jaxsat.synthesis.flights import require_tables
-from jaxsat.synthesis.plain_data import write_record
 from jaxsat.synthesis.verification.conditions import Condition, conditions_of
 from jaxsat.synthesis.verification.result import (
     Criterion,

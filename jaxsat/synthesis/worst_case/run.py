@@ -24,7 +24,7 @@ from jaxsat.store.labelled import LabelledArrays
 from jaxsat.studies.columns import DRAWN
 from jaxsat.studies.ensemble import Study
 from jaxsat.studies.work import study_work
-from jaxsat.synthesis.execution import Execution, Listener, folder_of_call
+from jaxsat.synthesis.execution import Execution, Listener, folder_of_call, plain_data, write_record
 from jaxsat.synthesis.flights import (
     Batch,
     Flights,
@@ -35,10 +35,8 @@ from jaxsat.synthesis.flights import (
     study_of_requirements,
     unit_of,
 )
-from jaxsat.synthesis.plain_data import plain_data, write_record
 from jaxsat.synthesis.tuning.strategies import require_package
-from jaxsat.synthesis.worst_case.ball import Ball
-from jaxsat.synthesis.worst_case.search import search
+from jaxsat.synthesis.worst_case.search import Ball, search
 
 KIND = "worst case"
 """Kind of the output folder."""

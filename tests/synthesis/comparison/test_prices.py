@@ -5,7 +5,7 @@ import pytest
 
 import jaxsat
 from jaxsat.report.comparison_document import price_table
-from jaxsat.synthesis.comparison.prices import NO_PRICES, Prices, prices_of
+from jaxsat.synthesis.comparison.verdict import NO_PRICES, Prices, prices_of
 
 COLUMNS = {
     "code": np.array([0, 0, 0, 1]),  # the last case ends early, and counts nowhere

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from jaxsat.synthesis.worst_case.ball import Ball
-from jaxsat.synthesis.worst_case.descent import STEP, Flown, descend
+from jaxsat.synthesis.worst_case.search import STEP, Ball, Flown, descend
 
 DIMENSION = 5
 DIRECTION = np.array([1.0, -2.0, 0.5, 0.0, 3.0])

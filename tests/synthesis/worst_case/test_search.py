@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import chdtr, ndtri
 
-from jaxsat.synthesis.worst_case.ball import Ball
-from jaxsat.synthesis.worst_case.search import search
+from jaxsat.synthesis.worst_case.search import Ball, search
 
 pytest.importorskip("cma")
 
