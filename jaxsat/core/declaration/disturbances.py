@@ -98,9 +98,7 @@ AERODYNAMIC = PartDeclaration(
             "drag_density_kg_m3", "Density of the air", "kg/m³", at_least=0, at_most=1, default=0.0
         ),
         number("drag_coefficient", "Drag coefficient", at_least=0, at_most=100, default=2.2),
-        number(
-            "drag_area_m2", "Area across the velocity", "m²", at_least=0, at_most=1e6, default=1.0
-        ),
+        number("drag_area_m2", "Area across the velocity", at_least=0, at_most=1e6, default=1.0),
         _vector("drag_centre_m", "Centre of pressure from the centre of mass", "m", LENGTH),
     ),
     rules=(needs_orbit("disturbance.drag_density_kg_m3", "drag"),),
@@ -108,9 +106,7 @@ AERODYNAMIC = PartDeclaration(
 SOLAR = PartDeclaration(
     "the torque of sunlight, by one coefficient",
     (
-        number(
-            "solar_area_m2", "Area across the sunlight", "m²", at_least=0, at_most=1e6, default=0.0
-        ),
+        number("solar_area_m2", "Area across the sunlight", at_least=0, at_most=1e6, default=0.0),
         number(
             "solar_coefficient",
             "1 for a surface that absorbs all light, 2 for a mirror",

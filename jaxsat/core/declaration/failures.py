@@ -18,12 +18,11 @@ FRACTION = number(
     at_most=1,
     default=None,
 )
-DELAY = number("delay_s", "How much later its valve follows", "s", within=FROM_ZERO, default=None)
+DELAY = number("delay_s", "How much later its valve follows", within=FROM_ZERO, default=None)
 TURN = number(
     "turn_rad",
     "Rotation vector by which its force, or its torque where only that is given, is turned, body "
     "axes",
-    "rad",
     within=ROTATION,
     size=3,
     default=None,

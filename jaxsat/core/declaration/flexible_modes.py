@@ -66,21 +66,18 @@ FLEXIBLE_MODE = EffectorDeclaration(
         number(
             "frequency_rad_s",
             "Natural frequency with the body held, undamped",
-            "rad/s",
             within=KNOWN_FREQUENCY,
         ),
         number("damping", "Damping ratio", within=DAMPING, default=0.005),
         number(
             "coupling_sqrt_kg_m",
             "Coupling d to the rotation of the body, of the mode normalised to 1 kg, body axes",
-            "√kg m",
             within=COUPLING,
             size=3,
         ),
         number(
             "angle_rad",
             "Amplitude over the size of the coupling at the start",
-            "rad",
             within=TURN,
             default=0.0,
         ),

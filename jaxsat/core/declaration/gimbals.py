@@ -13,7 +13,7 @@ ACROSS = 1e-6
 """Tolerance on the cosine between a gimbal axis and its spin axis."""
 
 TIME_CONSTANT = number(
-    "time_constant_s", "Time in which its momentum falls to 1/e", "s", within=SECONDS, default=None
+    "time_constant_s", "Time in which its momentum falls to 1/e", within=SECONDS, default=None
 )
 
 
@@ -52,13 +52,10 @@ GIMBAL = ActuatorDeclaration(
         number(
             "rotor_momentum_N_m_s",
             "Momentum of its rotor relative to the body",
-            "N m s",
             within=WHEEL_MOMENTUM,
         ),
-        number(
-            "rate_limit_rad_s", "Largest rate of its gimbal, either way", "rad/s", within=RATE_RANGE
-        ),
-        number("angle_rad", "Gimbal angle at the start", "rad", within=TURN, default=0.0),
+        number("rate_limit_rad_s", "Largest rate of its gimbal, either way", within=RATE_RANGE),
+        number("angle_rad", "Gimbal angle at the start", within=TURN, default=0.0),
     ),
     failed="Whether its gimbal is locked from before the start, and the law knows it",
     kinds=tuple(GimbalFailureKind),

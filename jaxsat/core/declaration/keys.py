@@ -88,7 +88,7 @@ class Key:
 def number(
     name: str,
     meaning: str,
-    unit: str = "1",
+    unit: str | None = None,
     *,
     within: Range | None = None,
     above: float | int | None = None,
@@ -100,9 +100,10 @@ def number(
     width: bool = False,
     drawn: str | None = None,
 ) -> Key:
-    """Declare a number, or a list of `size` of them, with its unit in SI ("1" for none).
+    """Declare a number, or a list of `size` of them, with its unit in SI.
 
-    A `size` of (1, 3) is one number or a list of three.
+    The unit is by default that of `UNITS` with which the name ends, else "1", which is none. A
+    `size` of (1, 3) is one number or a list of three.
 
     The bounds are those of the range `within`, or given one by one. `tunable=True` lets
     `jaxsat tune` change the attribute of the built object with the name of the key; a text is the
@@ -113,7 +114,7 @@ def number(
     *one, several = size if isinstance(size, tuple) else (size,)
     kind = Numeric(above, at_least, at_most, several, bool(one))
     path = name if tunable is True else tunable or None
-    return Key(name, meaning, unit, kind, default, path, width, drawn)
+    return Key(name, meaning, unit or _unit_of(name), kind, default, path, width, drawn)
 
 
 def of_part(part: str, keys: Iterable[Key]) -> tuple[Key, ...]:
@@ -127,6 +128,18 @@ def with_unit(name: str, unit: str) -> str:
     """Return the key of a quantity: name and unit in SI, "rad_s" for rad/s, none for "1"."""
     plain = unit.replace("²", "2").replace("√", "sqrt_")
     return name if unit == "1" else f"{name}_{re.sub(r'[ /]', '_', plain)}"
+
+
+UNITS = ("rad", "rad/s", "rad/s²", "rad/s/√Hz", "rad/s²/√Hz", "s", "m", "m²", "T", "A m²", "N",
+         "N m", "N m s", "kg m²", "√kg m")  # fmt: skip
+"""Units that the name of a key may tell."""
+
+_BY_ENDING = {with_unit("", unit): unit for unit in UNITS}
+
+
+def _unit_of(name: str) -> str:
+    ending = max(filter(name.endswith, _BY_ENDING), key=len, default="")
+    return _BY_ENDING.get(ending, "1")
 
 
 def direction(name: str, meaning: str, default: Any = ...) -> Key:

@@ -89,4 +89,4 @@ class LawDeclaration:
 def control_period(default: Any = ..., remark: str = "") -> Key:
     """Declare the key of a sampled law's period, with a remark after its meaning."""
     meaning = f"Time between two runs of the controller{remark}"
-    return number("period_s", meaning, "s", within=SECONDS, default=default)
+    return number("period_s", meaning, within=SECONDS, default=default)

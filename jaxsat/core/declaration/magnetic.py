@@ -22,7 +22,6 @@ MAGNETIC_CONTROL = LawDeclaration(
             "Weight of torques against angles (rad) and rates in the minimised cost, in "
             "units of the mean moment of inertia and the orbit's rate, or of precession with "
             "momentum in wheels; smaller is faster",
-            "1",
             above=0,
             default=0.1,
         ),
@@ -30,7 +29,6 @@ MAGNETIC_CONTROL = LawDeclaration(
             "wheel_weight",
             "The same of torques that wheels make, in units without their momentum; smaller is "
             "faster about their axes",
-            "1",
             above=0,
             default=1e-4,
         ),
@@ -38,7 +36,6 @@ MAGNETIC_CONTROL = LawDeclaration(
             "damping_N_m_s",
             "Torque over rate while the body tumbles; by default from the least moment of inertia "
             "and the orbit",
-            "N m s",
             above=0,
             default=None,
         ),
@@ -46,7 +43,6 @@ MAGNETIC_CONTROL = LawDeclaration(
             "pointing_rate_rad_s",
             "Rate relative to the orbit frame below which the attitude is controlled, and beyond "
             "twice of which it is left alone; by default four times that of the orbit",
-            "rad/s",
             above=0,
             default=None,
         ),

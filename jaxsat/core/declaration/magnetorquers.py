@@ -14,7 +14,7 @@ MAGNETORQUER = ActuatorDeclaration(
     "commands, or unload wheels",
     keys=(
         direction("axis", "Direction of its dipole, body axes"),
-        number("dipole_limit_A_m2", "Largest dipole, either way", "A m²", within=DIPOLE_LIMIT),
+        number("dipole_limit_A_m2", "Largest dipole, either way", within=DIPOLE_LIMIT),
     ),
     failed="Whether it has failed before the start, and the law knows it",
     kinds=(

@@ -11,7 +11,6 @@ ONE_TORQUE = LawDeclaration(
         number(
             "share",
             "Share of the torque limit that a brake is planned with",
-            "1",
             above=0,
             at_most=1,
             default=0.35,
@@ -20,7 +19,6 @@ ONE_TORQUE = LawDeclaration(
         number(
             "turn_ratio",
             "Largest momentum about the torque axis while turning, over that across it",
-            "1",
             above=0,
             default=1.1,
             tunable=True,
@@ -28,7 +26,6 @@ ONE_TORQUE = LawDeclaration(
         number(
             "exponent",
             "Exponent p of a brake, |y| falls as x^p",
-            "1",
             above=1,
             at_most=10,
             default=1.6,
@@ -45,7 +42,6 @@ ONE_TORQUE = LawDeclaration(
         number(
             "rest_rate_rad_s",
             "Rate below which the law rests; 0.001 counts as settled",
-            "rad/s",
             above=0,
             default=8e-4,
             tunable="rest_rate",

@@ -14,7 +14,6 @@ RATE_GAINS = (
 OMEGA3_WIDTH = number(
     "omega3_width_rad_s",
     "Rounds √|ω3| of (38) near zero; 0 is the printed law",
-    "rad/s",
     at_least=0,
     default=0.0,
     width=True,
@@ -33,7 +32,7 @@ RATE = LawDeclaration(
 THREE_AXIS_GAINS = (
     number("k3", "Gain of the reference (40) on the tilt", "1/s", above=0, tunable=True),
     number("mu", "Gain μ of the reference (40) on the turn", "1/s", above=0, tunable=True),
-    number("a", "Bound a of the saturation in (41)", "1", above=0, tunable=True),
+    number("a", "Bound a of the saturation in (41)", above=0, tunable=True),
     number(
         "k4",
         "Gain of (42) on the rate errors: one number, or one for each axis",
@@ -48,7 +47,6 @@ THREE_AXIS_OPTIONS = (
     number(
         "internal_model_frequency_rad_s",
         "Frequencies of the internal model; by default those of the disturbance about x and y",
-        "rad/s",
         within=KNOWN_FREQUENCY,
         size=2,
         default=None,
@@ -56,7 +54,6 @@ THREE_AXIS_OPTIONS = (
     number(
         "attitude_weight_N_m",
         "Factor on the attitude terms of (42); 1 as printed",
-        "N m",
         at_least=0,
         default=1.0,
         tunable="attitude_weight",
@@ -64,7 +61,6 @@ THREE_AXIS_OPTIONS = (
     number(
         "saturation_width",
         "Part of the bound a over which the corner of sat is rounded, 0 (printed) to 1",
-        "1",
         at_least=0,
         at_most=1,
         default=0.0,
@@ -73,7 +69,6 @@ THREE_AXIS_OPTIONS = (
     number(
         "tilt_width",
         "δ in |w|² + δ² under the fraction of (41); 0 as printed",
-        "1",
         at_least=0,
         default=0.0,
         tunable=True,
@@ -136,14 +131,12 @@ _KEYS = (
     number(
         "upper_threshold_rad_s",
         "The rate law takes over when |ω3| exceeds this",
-        "rad/s",
         above=0,
         tunable="upper_threshold",
     ),
     number(
         "lower_threshold_rad_s",
         "The three-axis law takes over again when |ω3| falls below this",
-        "rad/s",
         above=0,
         tunable="lower_threshold",
     ),

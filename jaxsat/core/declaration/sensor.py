@@ -23,7 +23,6 @@ from jaxsat.core.ranges import (
 DRIFT = number(
     "drift_rad_s",
     "Rate at which its readings turn, body axes",
-    "rad/s",
     within=GYRO_BIAS,
     size=3,
     default=None,
@@ -31,14 +30,12 @@ DRIFT = number(
 SPIKE = number(
     "spike_rad",
     "Standard deviation of the turn of a spike about each body axis",
-    "rad",
     within=TRACKER_NOISE,
     default=None,
 )
 RATE_DRIFT = number(
     "drift_rad_s2",
     "How fast its rates drift, body axes",
-    "rad/s²",
     within=GYRO_BIAS,
     size=3,
     default=None,
@@ -46,17 +43,13 @@ RATE_DRIFT = number(
 RATE_SPIKE = number(
     "spike_rad_s",
     "Standard deviation of the error of each rate in a spike",
-    "rad/s",
     within=RATE_NOISE,
     default=None,
 )
-MOMENTUM_DRIFT = number(
-    "drift_N_m", "How fast its momentum drifts", "N m", within=TORQUE, default=None
-)
+MOMENTUM_DRIFT = number("drift_N_m", "How fast its momentum drifts", within=TORQUE, default=None)
 MOMENTUM_SPIKE = number(
     "spike_N_m_s",
     "Standard deviation of the error of the momentum in a spike",
-    "N m s",
     within=WHEEL_NOISE,
     default=None,
 )
@@ -127,7 +120,6 @@ def misalignment(meaning: str, drawn: str) -> Key:
     return number(
         "misalignment_rad",
         meaning,
-        "rad",
         within=MISALIGNMENT,
         size=3,
         default=(0.0, 0.0, 0.0),
@@ -154,7 +146,6 @@ def measurement_times(remark: str = "", drawn: str | None = None) -> tuple[Key, 
             "update_period_s",
             "Time between measurements, a whole multiple of control.period_s, which it is by "
             "default",
-            "s",
             within=SECONDS,
             default=None,
             drawn=drawn and f"{drawn}_update_period",
@@ -163,7 +154,6 @@ def measurement_times(remark: str = "", drawn: str | None = None) -> tuple[Key, 
             "latency_s",
             "Time from a measurement to its arrival, a whole multiple of control.period_s, or "
             f"zero{remark}",
-            "s",
             within=FROM_ZERO,
             default=0.0,
             drawn=drawn and f"{drawn}_latency",
@@ -186,9 +176,7 @@ def outage(
 
     def key(end: str, meaning: str, within: Range) -> Key:
         name = drawn and f"{drawn}_outage{end}"
-        return number(
-            f"{prefix}outage{end}_s", meaning, "s", within=within, default=None, drawn=name
-        )
+        return number(f"{prefix}outage{end}_s", meaning, within=within, default=None, drawn=name)
 
     return (
         key("_start", f"Time at which an outage begins, in which {effect}; by default none", start),

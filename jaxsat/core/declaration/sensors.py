@@ -30,7 +30,6 @@ WHITE_NOISE = PartDeclaration(
         number(
             "rate_noise_rad_s",
             "Standard deviation of white noise on each measured rate, per sample",
-            "rad/s",
             within=RATE_NOISE,
             default=0.0,
             drawn="rate_noise",
@@ -38,7 +37,6 @@ WHITE_NOISE = PartDeclaration(
         number(
             "attitude_noise_rad",
             "Standard deviation of the measured attitude about each body axis, per sample",
-            "rad",
             within=ATTITUDE_NOISE,
             default=0.0,
             drawn="attitude_noise",
@@ -50,7 +48,6 @@ WHITE_NOISE = PartDeclaration(
 DELAY = number(
     "delay_s",
     "Time from a sample to its torque, at most one period of the law",
-    "s",
     within=FROM_ZERO,
     default=0.0,
 )
@@ -75,7 +72,6 @@ GYRO = SensorDeclaration(
         number(
             "noise_density_rad_s_sqrt_Hz",
             "Density of the white noise on each measured rate (angle random walk)",
-            "rad/s/√Hz",
             within=RATE_NOISE,
             default=0.0,
             drawn="gyro_noise_density",
@@ -83,7 +79,6 @@ GYRO = SensorDeclaration(
         number(
             "bias_walk_rad_s2_sqrt_Hz",
             "Density of the white noise that moves each bias (rate random walk)",
-            "rad/s²/√Hz",
             within=RATE_NOISE,
             default=0.0,
             drawn="gyro_bias_walk",
@@ -91,7 +86,6 @@ GYRO = SensorDeclaration(
         number(
             "bias_rad_s",
             "Bias at the start, of all axes or of each",
-            "rad/s",
             within=GYRO_BIAS,
             size=(1, 3),
             default=0.0,
@@ -100,14 +94,12 @@ GYRO = SensorDeclaration(
         number(
             "bias_sigma_rad_s",
             "Standard deviation of the random part of each bias at the start",
-            "rad/s",
             within=RATE_NOISE,
             default=0.0,
         ),
         number(
             "scale_factor",
             "Relative error of the measured rate, of all axes or of each",
-            "1",
             within=SCALE_FACTOR,
             size=(1, 3),
             default=0.0,
@@ -117,7 +109,6 @@ GYRO = SensorDeclaration(
         number(
             "limit_rad_s",
             "Largest rate that an axis can measure; by default unlimited",
-            "rad/s",
             within=RATE_RANGE,
             default=None,
         ),
@@ -136,14 +127,12 @@ STAR_TRACKER = SensorDeclaration(
         number(
             "across_rad",
             "Standard deviation of the measured attitude about each direction across the boresight",
-            "rad",
             within=TRACKER_NOISE,
             drawn="tracker_across",
         ),
         number(
             "along_rad",
             "Standard deviation of the measured attitude about the boresight",
-            "rad",
             within=TRACKER_NOISE,
             drawn="tracker_along",
         ),
@@ -152,7 +141,6 @@ STAR_TRACKER = SensorDeclaration(
         number(
             "rate_limit_rad_s",
             "Largest |ω| at which there are measurements; by default unlimited",
-            "rad/s",
             within=RATE_RANGE,
             default=None,
             drawn="tracker_rate_limit",
@@ -190,7 +178,6 @@ def _direction_keys(name: str) -> tuple[Key, ...]:
     noise = number(
         "noise_rad",
         "Standard deviation of the measured direction about each axis across it",
-        "rad",
         within=TRACKER_NOISE,
         drawn=f"{name}_noise",
     )
@@ -200,7 +187,6 @@ def _direction_keys(name: str) -> tuple[Key, ...]:
         number(
             "half_angle_rad",
             "Half of the angle of the conical field of view; by default everything is in view",
-            "rad",
             within=HALF_ANGLE,
             default=None,
         ),
@@ -220,7 +206,6 @@ MAGNETOMETER = SensorDeclaration(
             number(
                 "noise_T",
                 "Standard deviation of white noise on each component of the measured field",
-                "T",
                 within=FIELD_NOISE,
                 drawn="magnetometer_noise",
             ),
@@ -228,7 +213,6 @@ MAGNETOMETER = SensorDeclaration(
         number(
             "bias_T",
             "Error of the measured field that is fixed in body axes, of all or of each",
-            "T",
             within=FIELD_BIAS,
             size=(1, 3),
             default=0.0,
@@ -237,7 +221,6 @@ MAGNETOMETER = SensorDeclaration(
         number(
             "scale_factor",
             "Relative error of the measured field, of all axes or of each",
-            "1",
             within=SCALE_FACTOR,
             size=(1, 3),
             default=0.0,

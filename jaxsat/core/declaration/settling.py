@@ -56,14 +56,12 @@ _COMMON_KEYS = (
     number(
         "ripple_frequency_rad_s",
         "Frequency of d3 that the controller believes; by default that of the disturbance",
-        "rad/s",
         above=0,
         default=None,
     ),
     number(
         "ripple_amplitude_N_m",
         "Amplitude of d3 that the controller expects; by default that of the disturbance",
-        "N m",
         at_least=0,
         default=None,
     ),
@@ -161,7 +159,6 @@ PLANNED = LawDeclaration(
         number(
             "planning_margin",
             "Share of the torque limit that plans leave for feedback",
-            "1",
             at_least=0,
             at_most=0.9,
             default=PLANNING_MARGIN,

@@ -18,15 +18,13 @@ QUATERNION_FEEDBACK = LawDeclaration(
         number(
             "natural_frequency_rad_s",
             "Natural frequency of small attitude errors",
-            "rad/s",
             above=0,
             tunable="natural_frequency",
         ),
-        number("damping", "Their damping ratio", "1", above=0, default=1.0, tunable="damping"),
+        number("damping", "Their damping ratio", above=0, default=1.0, tunable="damping"),
         number(
             "max_rate_rad_s",
             "Largest rate of a slew relative to the orbit frame; by default none",
-            "rad/s",
             above=0,
             default=None,
         ),
@@ -50,7 +48,6 @@ FAULT_TOLERANT = LawDeclaration(
         number(
             "cusum_reference",
             "Shift that each CUSUM test leaves out, half of what it detects best, in sigmas",
-            "1",
             above=0,
             at_most=10,
             default=1.0,
@@ -60,7 +57,6 @@ FAULT_TOLERANT = LawDeclaration(
             "cusum_threshold",
             "Threshold of each CUSUM test, in sigmas; at 12 and a reference of 1 false alarms are "
             "1.4e11 scores apart",
-            "1",
             above=0,
             at_most=1e3,
             default=12.0,
@@ -70,7 +66,6 @@ FAULT_TOLERANT = LawDeclaration(
             "isolation_margin",
             "Log-likelihood by which an actuator and its failure must explain the residuals better "
             "than any other",
-            "1",
             above=0,
             at_most=1e3,
             default=8.0,
@@ -79,7 +74,6 @@ FAULT_TOLERANT = LawDeclaration(
         number(
             "torque_uncertainty",
             "Error that the law expects of torques, relative to themselves",
-            "1",
             above=0,
             at_most=1,
             default=0.1,
@@ -88,7 +82,6 @@ FAULT_TOLERANT = LawDeclaration(
         number(
             "rate_noise_rad_s",
             "Standard deviation of the rates that the law receives; by default that of the sensors",
-            "rad/s",
             above=0,
             at_most=1,
             default=None,
@@ -97,7 +90,6 @@ FAULT_TOLERANT = LawDeclaration(
             "third_axis_band_rad",
             "Error about the axis that no wheel drives up to which thrusters leave it alone; by "
             "default they control it all the time",
-            "rad",
             above=0,
             at_most=1,
             default=None,

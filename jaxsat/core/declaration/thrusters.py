@@ -25,13 +25,12 @@ THRUSTER = ActuatorDeclaration(
         number(
             "position_m",
             "Where it sits, from the centre of mass, body axes; see spacecraft.centre_of_mass_m",
-            "m",
             within=LENGTH,
             size=3,
             default=None,
         ),
         direction("direction", "Direction of its force on the body, body axes", None),
-        number("force_N", "Full thrust", "N", within=FORCE, default=None),
+        number("force_N", "Full thrust", within=FORCE, default=None),
         direction(
             "torque_axis",
             "Direction of its torque, body axes, in place of position and direction",
@@ -40,7 +39,6 @@ THRUSTER = ActuatorDeclaration(
         number(
             "torque_N_m",
             "Torque at full thrust, in place of the force",
-            "N m",
             within=TORQUE_LIMIT,
             default=None,
         ),
@@ -52,31 +50,25 @@ THRUSTER = ActuatorDeclaration(
         number(
             "min_on_time_s",
             "Shortest time that its valve is open",
-            "s",
             within=FROM_ZERO,
             default=0.0,
         ),
-        number(
-            "valve_delay_s", "Time from a command to the valve", "s", within=FROM_ZERO, default=0.0
-        ),
+        number("valve_delay_s", "Time from a command to the valve", within=FROM_ZERO, default=0.0),
         number(
             "rise_time_s",
             "Time from no thrust to full thrust, on a straight line",
-            "s",
             within=FROM_ZERO,
             default=0.0,
         ),
         number(
             "fall_time_s",
             "Time from full thrust to none, on a straight line",
-            "s",
             within=FROM_ZERO,
             default=0.0,
         ),
         number(
             "specific_impulse_s",
             "Specific impulse; by default its propellant is not counted",
-            "s",
             within=SPECIFIC_IMPULSE,
             default=None,
         ),
@@ -84,7 +76,6 @@ THRUSTER = ActuatorDeclaration(
             "price",
             "Price of its use, times its propellant (times its torque where some thruster has no "
             "specific_impulse_s); of all that make a torque, jaxsat uses the cheapest thrusters",
-            "1",
             within=PRICE,
             default=1.0,
         ),

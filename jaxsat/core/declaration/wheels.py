@@ -20,7 +20,6 @@ FACTOR = number(
 FRICTION_N_M = number(
     "friction_N_m",
     "Coulomb friction that it now has, if it had less",
-    "N m",
     within=FRICTION,
     default=None,
 )
@@ -48,21 +47,18 @@ WHEEL = ActuatorDeclaration(
         number(
             "torque_limit_N_m",
             "Largest torque of its motor; by default unlimited",
-            "N m",
             within=TORQUE_LIMIT,
             default=None,
         ),
         number(
             "momentum_limit_N_m_s",
             "Largest momentum relative to the body; by default unlimited",
-            "N m s",
             within=WHEEL_MOMENTUM,
             default=None,
         ),
         number(
             "momentum_N_m_s",
             "Momentum relative to the body at the start",
-            "N m s",
             within=TORQUE,
             default=0.0,
         ),
@@ -71,21 +67,18 @@ WHEEL = ActuatorDeclaration(
             "Inertia of its rotor about the axis, part of spacecraft.inertia_kg_m2; its momentum "
             "then also changes as the body turns faster, and viscous friction needs it. Without "
             "it, 0 is assumed: the momentum changes by motor and friction alone",
-            "kg m²",
             within=MOMENT,
             default=None,
         ),
         number(
             "viscous_friction_N_m_s",
             "Viscous friction, for each rad/s of the rotor",
-            "N m s",
             within=FRICTION,
             default=0.0,
         ),
         number(
             "coulomb_friction_N_m",
             "Coulomb friction, which may hold the rotor at rest",
-            "N m",
             within=FRICTION,
             default=0.0,
         ),
@@ -93,7 +86,6 @@ WHEEL = ActuatorDeclaration(
             "tachometer_noise_N_m_s",
             "Standard deviation of white noise on the momentum that a sampled law receives, per "
             "sample",
-            "N m s",
             within=WHEEL_NOISE,
             default=0.0,
         ),

@@ -63,7 +63,6 @@ ESTIMATOR_KIND = key_choice(
 ATTITUDE_SIGMA = number(
     "attitude_sigma_rad",
     "Standard deviation of the random error of the first attitude estimate, about each axis",
-    "rad",
     at_least=0,
     at_most=TRACKER_NOISE.high,
     default=0.01,
