@@ -100,7 +100,7 @@ def _allowed(entry: Mapping[str, Any]) -> str:
     """Type and range in a few words."""
     for several in ("anyOf", "oneOf"):
         if several in entry:
-            parts = [_allowed(one) for one in entry[several] if one.get("type") != "null"]
+            parts = map(_allowed, entry[several])
             return " or ".join(dict.fromkeys(part for part in parts if part))
     if "enum" in entry:
         return ", ".join(f"`{one}`" for one in entry["enum"])

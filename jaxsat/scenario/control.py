@@ -123,7 +123,8 @@ class LawTable(ScenarioTable):
 @once
 def table_of(law: Law) -> type[LawTable]:
     """Class of the `[control]` table of a law."""
-    fields: dict[str, Any] = {"law": (Literal[law.name], choice("The control law"))}
+    what = law.declaration.summary.partition("\n\n")[0].rstrip(".")
+    fields: dict[str, Any] = {"law": (Literal[law.name], choice(f'"{law.name}": {what}'))}
     fields |= fields_of(law.declaration.keys)
     if law.declaration.measures_disturbance:
         fields["measured_disturbance"] = (

@@ -3,6 +3,7 @@
 import os
 import re
 import shutil
+import sys
 from collections import Counter
 from collections.abc import Iterable
 from importlib.util import find_spec
@@ -14,6 +15,7 @@ PROGRAMS = {
     "chromium": ("chromium", "chromium-browser", "google-chrome"),
     "firefox": ("firefox-esr", "firefox"),
     "slurm": ("sbatch",),
+    "taplo": ("taplo", os.path.join(os.path.dirname(sys.executable), "taplo")),  # a wheel
 }
 """Names of executables where they are not the tool's own."""
 
