@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 Begin = Annotated[float | None, Parameter(converter=number(0.0, 1e9))]
 Float = Annotated[bool, Parameter(name="--float", negative="")]
+Fmu = Annotated[bool, Parameter(name="--fmu", negative="")]
 
 
 def export(
@@ -26,6 +27,7 @@ def export(
     overrides: Overrides = (),
     float_: Float = False,
     functions: Literal["own", "libm"] = "own",
+    fmu: Fmu = False,
     plan_begin: Begin = None,
     output: Output = Output(),
 ) -> int:
@@ -46,6 +48,9 @@ def export(
     functions
         own: elementary functions in the file, with the same bits on every processor; libm: those of
         the C library, less code.
+    fmu
+        Write controller.fmu, too: a functional mock-up unit for co-simulation (FMI 3.0), with its
+        library for this machine if there is a C compiler.
     plan_begin
         Write only a plan, from the scenario's start at this time (s) after controller_init, for
         the law planned.
@@ -71,7 +76,7 @@ def export(
         with place as folder:
             show_progress(f"exporting {scenario}")
             request = interruptibly(
-                lambda: _request(chosen, float_, functions == "libm"), brief=True
+                lambda: _request(chosen, float_, functions == "libm", fmu), brief=True
             )
             if plan_begin is None:
                 code = interruptibly(lambda: export_all(request), brief=True)
@@ -109,7 +114,7 @@ def _tell(code: "Export", target: Path, *, quiet: bool) -> None:
     print_stdout(f"written          {target}; `make -C {target} test` builds and checks it")
 
 
-def _request(scenario: "Scenario", single: bool, libm: bool) -> "Request":
+def _request(scenario: "Scenario", single: bool, libm: bool, unit: bool) -> "Request":
     from jaxsat.flight.files import Request
     from jaxsat.scenario import dump
     from jaxsat.scenario.build.run import build
@@ -128,4 +133,5 @@ def _request(scenario: "Scenario", single: bool, libm: bool) -> "Request":
         libm,
         scenario.law.declaration.keys,
         hold_samples_of(scenario),
+        unit,
     )

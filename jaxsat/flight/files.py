@@ -16,6 +16,7 @@ from jaxsat.flight import interface
 from jaxsat.flight.calls import drawn_calls, expected_of_calls
 from jaxsat.flight.cfs import cfs_app, table_cautions
 from jaxsat.flight.flight import CannotExport, FlightController, flight_loop
+from jaxsat.flight.fmu import UNIT, unit_file, unit_sources
 from jaxsat.flight.fprime import fprime_component
 from jaxsat.flight.function_calls import function_calls
 from jaxsat.flight.guard import groups, guard_header, real_type
@@ -56,7 +57,8 @@ class Request:
 
     `title`, `scenario` (TOML) and `provenance` (versions, platform, time) go into the files. `keys`
     are those that the law declares: they bound its parameters. `hold_samples` is the default of the
-    guard: consecutive calls without a step for which commands are held.
+    guard: consecutive calls without a step for which commands are held. With `unit` there is a
+    functional mock-up unit, too.
     """
 
     loop: AbstractLoop
@@ -69,6 +71,7 @@ class Request:
     libm: bool = False
     keys: tuple[Key, ...] = ()
     hold_samples: int = HOLD_SAMPLES
+    unit: bool = False
 
 
 @dataclass(frozen=True)
@@ -157,6 +160,11 @@ def export(request: Request) -> Export:
     if unsearched:
         words = f"no test calls were searched for that run other branches: {unsearched}"
         cautions = (words, *cautions)
+    if request.unit:
+        own = unit_sources(program, rows, table, intro, request.hold_samples, request.title)
+        files[UNIT], missing = unit_file(own, files)
+        if missing:
+            cautions = (f"{UNIT} has sources alone: {missing}", *cautions)
     return Export(program, files, samples, calls, processor_uses, lines, cautions)
 
 

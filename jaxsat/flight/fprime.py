@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from jaxsat.compiler.c.naming import ascii_text
-from jaxsat.flight.guard import NORM_TOLERANCE, RATE_LIMIT, real_type
-from jaxsat.flight.interface import Parameter, Row, is_of_plan
-from jaxsat.flight.messages import Item, commanded, measured, words_of_modes
+from jaxsat.flight.guard import real_type
+from jaxsat.flight.interface import Parameter, Row
+from jaxsat.flight.messages import Item, commanded, measured, tuned, words_of_modes
 from jaxsat.flight.program import FlightProgram
 from jaxsat.flight.templates import template
 
@@ -43,8 +43,8 @@ def fprime_component(
     """
     inputs, outputs = measured(rows), commanded(rows)
     real = real_type(program)
-    tuned = _tuned(rows, of_parameters, hold_samples)
-    items = [*inputs, *outputs, *(item for item, _ in tuned)]
+    parameters = tuned(rows, of_parameters, hold_samples)
+    items = [*inputs, *outputs, *(item for item, _ in parameters)]
     arrays = {_type(item): item for item in items if item.shape}
     begin = f"    static const {real} attitude[4] = {{0}}; // begin with the first measured one\n\n"
     values = {
@@ -62,9 +62,9 @@ def fprime_component(
             f"    @ {ascii_text(item.about)}\n"
             f"    param {item.name}: {_type(item)} default {_initialiser(default)} id {number} "
             f"set opcode {256 + 2 * number} save opcode {257 + 2 * number}\n"
-            for number, (item, default) in enumerate(tuned)
+            for number, (item, default) in enumerate(parameters)
         ),
-        "TAKE": "\n".join(_read(item) for item, _ in tuned),
+        "TAKE": "\n".join(_read(item) for item, _ in parameters),
         "BEGIN": begin * program.estimates,
         "ATTITUDE": "attitude, " * program.estimates,
     }
@@ -74,38 +74,6 @@ def fprime_component(
         + template(f"fprime/{name}", **values)
         for name in FILES
     }
-
-
-def _tuned(
-    rows: Sequence[Row], of_parameters: Sequence[Parameter], hold_samples: int
-) -> list[tuple[Item, np.ndarray]]:
-    """Return the component's parameters and defaults: finite ones of keys, and limits."""
-    row_of = {row.name: row for row in rows if row.structure == "controller_parameters"}
-    tuned = []
-    for one in of_parameters:
-        default, field = np.asarray(one.default), one.field
-        is_plan = is_of_plan(field)  # larger than parameters of F´ usually may be
-        if one.key is not None and not is_plan and np.isfinite(default).all():
-            row = row_of[field.name]
-            about = f"{row.path}, {_about(row)}"
-            place = ("read", field.name)
-            item = Item(field.name, row.type, field.shape, field.dtype.itemsize, about, place)
-            tuned.append((item, default))
-    limits = {
-        "hold_samples": hold_samples,
-        "rate_limit": RATE_LIMIT,
-        "norm_tolerance": NORM_TOLERANCE,
-    }
-    for row in rows:
-        if row.structure == "controller_guard_parameters":
-            place = ("limits", row.name)
-            item = Item(f"guard_{row.name}", row.type, (), row.bytes, _about(row), place)
-            tuned.append((item, np.asarray(limits[row.name])))
-    return tuned
-
-
-def _about(row: Row) -> str:
-    return ", ".join(text for text in (row.unit, row.range) if text)
 
 
 def _type(item: Item) -> str:

@@ -4,11 +4,12 @@ They follow the rows of the interface control document; the rest of a wrapper is
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jaxsat.flight.interface import Row
+from jaxsat.flight.guard import NORM_TOLERANCE, RATE_LIMIT
+from jaxsat.flight.interface import Parameter, Row, is_of_plan
 from jaxsat.flight.program import FlightProgram
 
 
@@ -17,7 +18,8 @@ class Item:
     """A number, or an array of numbers, of a message.
 
     `type` is that of C, `size` the bytes of an element, `about` its unit and range; `place` is the
-    controller's structure, "input", "valid" or "output", and the name of the field.
+    controller's structure, "input", "valid", "output", "read" (parameters) or "limits" (of the
+    guard), and the name of the field.
     """
 
     name: str
@@ -26,6 +28,7 @@ class Item:
     size: int
     about: str
     place: tuple[str, str]
+    unit: str = ""
 
     def place_in(self, structures: Mapping[str, str]) -> str:
         """Return the C expression of the field, with these prefixes of the structures."""
@@ -40,9 +43,13 @@ class Item:
 
 def _item(row: Row, structure: str, prefix: str = "") -> Item:
     shape = tuple(map(int, row.dimensions.split(" x "))) if row.dimensions else ()
-    about = ", ".join(text for text in (row.unit, row.range) if text)
     size = row.bytes // int(np.prod(shape))
-    return Item(prefix + row.name, row.type, shape, size, about, (structure, row.name))
+    place = (structure, row.name)
+    return Item(prefix + row.name, row.type, shape, size, _about(row), place, row.unit)
+
+
+def _about(row: Row) -> str:
+    return ", ".join(text for text in (row.unit, row.range) if text)
 
 
 def measured(rows: Sequence[Row]) -> list[Item]:
@@ -64,6 +71,31 @@ def commanded(rows: Sequence[Row]) -> list[Item]:
         Item("status", "uint32_t", (), 4, "a sum of CONTROLLER_STATUS_...", ("", "status")),
         Item("sample", "int32_t", (), 4, "the number of the sample", ("", "sample")),
     ]
+
+
+def tuned(
+    rows: Sequence[Row], of_parameters: Sequence[Parameter], hold_samples: int
+) -> list[tuple[Item, np.ndarray]]:
+    """Return the parameters that keys of `[control]` set, if finite, and the limits of the guard,
+    with their defaults; `hold_samples` is the guard's."""
+    row_of = {row.name: row for row in rows if row.structure == "controller_parameters"}
+    found = []
+    for one in of_parameters:
+        default, field = np.asarray(one.default), one.field
+        is_plan = is_of_plan(field)  # larger than a framework's parameters usually may be
+        if one.key is not None and not is_plan and np.isfinite(default).all():
+            row = row_of[field.name]
+            item = _item(row, "read")
+            found.append((replace(item, about=f"{row.path}, {item.about}"), default))
+    limits = {
+        "hold_samples": hold_samples,
+        "rate_limit": RATE_LIMIT,
+        "norm_tolerance": NORM_TOLERANCE,
+    }
+    for row in rows:
+        if row.structure == "controller_guard_parameters":
+            found.append((_item(row, "limits", "guard_"), np.asarray(limits[row.name])))
+    return found
 
 
 def _sorted(items: Sequence[Item]) -> list[Item]:

@@ -45,7 +45,7 @@ FLAGS = {
     "controllability": (
         "--set --out --report --overwrite --digits --quiet --failures --drift --tolerance"
     ),
-    "export": "--set --out --float --functions --plan-begin --overwrite --quiet",
+    "export": "--set --out --float --functions --fmu --plan-begin --overwrite --quiet",
     "reproduce": "--out --report --overwrite --digits --quiet",
     "report": "--out --overwrite --quiet",
     "convert": "--to --out --epoch --frame --object-name --object-id --overwrite --quiet",
