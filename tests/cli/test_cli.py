@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from jaxsat import __version__
 from jaxsat.scenario import library
 from jaxsat.scenario.build.load import load
 from jaxsat.store.dataset import open_trajectory
@@ -250,7 +251,7 @@ def test_help_is_quick_and_imports_nothing_heavy(tokens):
 
 
 def test_version(jaxsat):
-    assert jaxsat("--version") == (0, "0.1.0\n", "")
+    assert jaxsat("--version") == (0, f"{__version__}\n", "")
 
 
 @pytest.mark.slow

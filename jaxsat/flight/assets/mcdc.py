@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Modified condition/decision coverage (MC/DC) of controller.c, which gcc 12 cannot measure.
 
     python3 mcdc.py instrument controller.c > build/mcdc.c
