@@ -8,7 +8,8 @@ from pathlib import Path
 
 from jaxsat.scenario import plugins
 
-PACKAGE = Path(__file__).parents[1] / "plugin_package"
+FROZEN = Path(__file__).parents[1] / "frozen_0_2"
+PACKAGE = FROZEN / "tsiotras-luo"
 
 
 def install_package(site, monkeypatch, package=PACKAGE):

@@ -4,14 +4,13 @@ import os
 import subprocess
 import sys
 from importlib.metadata import EntryPoint
-from pathlib import Path
 
 import pytest
 
 from jaxsat.core.declaration import actuators
-from scenario.packages import install_package
+from scenario.packages import FROZEN, install_package
 
-PACKAGE = Path(__file__).parents[1] / "effector_package"
+PACKAGE = FROZEN / "flywheels"
 
 FLOWN = """
 import sys
