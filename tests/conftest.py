@@ -91,6 +91,7 @@ FIRST = (
     *("tests/report/reproduction/test_claims.py", "tests/control/test_fault_tolerant.py"),
     *("tests/studies/test_recovery.py", "tests/studies/test_processes.py"),
     *("tests/test_benchmarks.py", "tests/scenario/test_plugins.py", "tests/test_heyoka.py"),
+    "tests/test_distribution.py",
     *("tests/control/test_hybrid_wheels.py", "tests/control/test_similarity.py"),
     "tests/simulation/engine/test_gradients.py",
     "tests/simulation/engine/test_wheel_failures.py",
