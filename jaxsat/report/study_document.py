@@ -16,7 +16,6 @@ from jaxsat.studies.recovery_summary import (
     SETTLING_PERCENTS,
     KindRecovery,
     RecoverySummary,
-    reason_words,
 )
 from jaxsat.studies.sensitivities import Sensitivity
 from jaxsat.studies.statistics import Interval, fraction_text, interval_text, percent_texts
@@ -201,7 +200,7 @@ def _of_kind(row: KindRecovery) -> list[Cell]:
             row.settling_delay[one].value if row.settling_delay else None
             for one in SETTLING_PERCENTS
         ),
-        "; ".join(f"{count} {reason_words(reason)}" for reason, count in row.reasons.items()),
+        "; ".join(f"{count} {reason.explanation}" for reason, count in row.reasons.items()),
     ]
 
 
@@ -224,7 +223,7 @@ def _diagnosis(kinds: list[KindRecovery]) -> Table:
 
 def _explanation_table(recovery: RecoverySummary) -> Table:
     rows = [
-        [entry.case, reason_words(entry.reason), entry.text.partition("; ")[2]]
+        [entry.case, entry.reason.explanation, entry.text.partition("; ")[2]]
         for entry in recovery.unrecovered[:EXPLAINED]
     ]
     more = len(recovery.unrecovered) - len(rows)

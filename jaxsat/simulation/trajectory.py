@@ -12,28 +12,26 @@ from jaxsat.core.array_types import IntScalar
 from jaxsat.simulation.assessment import Assessment, IntegrationError
 
 
-class Outcome(enum.IntEnum):
+class ExplainedCode(enum.IntEnum):
+    """A code with its `explanation`, one clause for a person."""
+
+    explanation: str
+
+    def __new__(cls, number: int, explanation: str) -> "ExplainedCode":
+        """Make a member, which is declared as a tuple of these arguments."""
+        member = int.__new__(cls, number)
+        member._value_, member.explanation = number, explanation
+        return member
+
+
+class Outcome(ExplainedCode):
     """Outcome of a run; any other than `SUCCESS` leaves NaN after the end of the run."""
 
-    SUCCESS = 0
-    STATE_LIMIT = 1
-    MAX_STEPS = 2
-    STEP_UNDERFLOW = 3
-    IMPOSSIBLE_CASE = 4
-
-    @property
-    def explanation(self) -> str:
-        """The outcome as one clause for a person."""
-        return _EXPLANATIONS[self]
-
-
-_EXPLANATIONS = {
-    Outcome.SUCCESS: "reached the end",
-    Outcome.STATE_LIMIT: "a state passed its limit or became NaN",
-    Outcome.MAX_STEPS: "used up its number of steps",
-    Outcome.STEP_UNDERFLOW: "needed a step below the smallest that time can resolve",
-    Outcome.IMPOSSIBLE_CASE: "never began: its dispersions gave what no spacecraft can have",
-}
+    SUCCESS = 0, "reached the end"
+    STATE_LIMIT = 1, "a state passed its limit or became NaN"
+    MAX_STEPS = 2, "used up its number of steps"
+    STEP_UNDERFLOW = 3, "needed a step below the smallest that time can resolve"
+    IMPOSSIBLE_CASE = 4, "never began: its dispersions gave what no spacecraft can have"
 
 
 class TorqueRange(eqx.Module):

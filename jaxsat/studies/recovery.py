@@ -1,6 +1,5 @@
 """Failures in each case of a study, remaining torques, and reasons why a case did not recover."""
 
-import enum
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -13,7 +12,7 @@ from jaxsat.core.declaration.failures import ONE_WAY
 from jaxsat.core.tolerances import SETTLED_BEFORE, Tolerances
 from jaxsat.simulation.engine.failure_record import initial_record
 from jaxsat.simulation.loops import AbstractLoop, failures_of
-from jaxsat.simulation.trajectory import Outcome
+from jaxsat.simulation.trajectory import ExplainedCode, Outcome
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.failures import AbstractFailures
 from jaxsat.store.chunks import Column
@@ -49,18 +48,18 @@ OF_RECORD = {
 """Columns of a sampled loop's failures; those of a diagnosis only if its law makes one."""
 
 
-class Recovery(enum.IntEnum):
+class Recovery(ExplainedCode):
     """Whether a case settled for good or, if not, the first applicable reason."""
 
-    RECOVERED = 0
-    UNRECOVERABLE = 1
-    ENDED_EARLY = 2
-    MISSED_DETECTION = 3
-    WRONG_THRUSTER_ISOLATED = 4
-    NOT_ISOLATED = 5
-    WRONG_KIND_ISOLATED = 6
-    SETTLED_THEN_LOST = 7
-    TOO_SLOW = 8
+    RECOVERED = 0, "recovered"
+    UNRECOVERABLE = 1, "unrecoverable"
+    ENDED_EARLY = 2, "the run ended early"
+    MISSED_DETECTION = 3, "missed detection"
+    WRONG_THRUSTER_ISOLATED = 4, "a working actuator isolated"
+    NOT_ISOLATED = 5, "detected, not isolated"
+    WRONG_KIND_ISOLATED = 6, "isolated as the wrong kind"
+    SETTLED_THEN_LOST = 7, "settled, then lost"
+    TOO_SLOW = 8, "too slow"
 
 
 @dataclass(frozen=True)

@@ -24,31 +24,6 @@ COLUMNS = ("failure_time", "failed_part", "failure_kind", "failure_amount", "tor
            "recovery", "settling_time", "ended_at")  # fmt: skip
 OF_DIAGNOSIS = ("false_alarms", "detection_time", "isolation_time", "isolated_kind")
 
-_REASONS = {
-    Recovery.RECOVERED: "recovered",
-    Recovery.ENDED_EARLY: "the run ended early",
-    Recovery.UNRECOVERABLE: "unrecoverable",
-    Recovery.MISSED_DETECTION: "missed detection",
-    Recovery.WRONG_THRUSTER_ISOLATED: "a working actuator isolated",
-    Recovery.NOT_ISOLATED: "detected, not isolated",
-    Recovery.WRONG_KIND_ISOLATED: "isolated as the wrong kind",
-    Recovery.SETTLED_THEN_LOST: "settled, then lost",
-    Recovery.TOO_SLOW: "too slow",
-}
-
-_LEFT = {
-    TorquesLeft.THREE_AXES: "torques about three axes are left",
-    TorquesLeft.TWO_TORQUES: "two torques are left, controllable",
-    TorquesLeft.BY_DRIFT: "controllable in principle, which no law uses",
-    TorquesLeft.SOME_ATTITUDES: "two wheels with momentum are left, which hold some attitudes",
-    TorquesLeft.TOO_FEW: "too few torques are left: not controllable",
-    TorquesLeft.UNOPPOSED_TORQUE: "nothing opposes the torque of a failed actuator with a margin",
-    TorquesLeft.NOT_DECIDED: "controllability of the remaining actuators is not decided",
-    TorquesLeft.UNHELD_MOMENTUM: "the others cannot hold the momentum of a runaway wheel",
-    TorquesLeft.MAGNETIC: "magnetorquers control all axes over an orbit",
-    TorquesLeft.UNHELD_ATTITUDE: "two wheels cannot hold the target against torque and momentum",
-}
-
 
 class KindDiagnosis(NamedTuple):
     """Diagnosis of failures of one kind.
@@ -108,7 +83,7 @@ class RecoverySummary(NamedTuple):
 
 def reason_words(reason: Recovery) -> str:
     """Reason in words."""
-    return _REASONS[reason]
+    return reason.explanation
 
 
 def summarise_recovery(dataset: Mapping[Any, Any], places: np.ndarray) -> RecoverySummary | None:
@@ -175,9 +150,9 @@ def explanations(columns: Mapping[str, np.ndarray], names: tuple[str, ...]) -> I
     for case in range(len(columns["recovery"])):
         row = {name: values[case] for name, values in columns.items()}
         parts = [
-            _REASONS[Recovery(int(row["recovery"]))],
+            Recovery(int(row["recovery"])).explanation,
             *_failure_texts(row, names),
-            _LEFT[TorquesLeft(int(row["torques_left"]))],
+            TorquesLeft(int(row["torques_left"])).explanation,
             *_diagnosis_texts(row, names),
         ]
         yield "; ".join(parts)

@@ -1,7 +1,6 @@
 """Torques that remain after failures in flight in each case of a study, by controllability."""
 
 import dataclasses
-import enum
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -18,6 +17,7 @@ from jaxsat.controllability.rods import judge_with_rods
 from jaxsat.controllability.torque_ranges import judge_ranges, torque_reserve
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation.loops import AbstractLoop
+from jaxsat.simulation.trajectory import ExplainedCode
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import AbstractEffector, Reach, Storage
 from jaxsat.studies.failure_codes import NEVER, first_code
@@ -34,19 +34,19 @@ SAME_TORQUE = 1e-9
 """Torque that is treated as zero, relative to the largest torque."""
 
 
-class TorquesLeft(enum.IntEnum):
+class TorquesLeft(ExplainedCode):
     """Capability of the actuators after all failures, by `jaxsat.controllability`."""
 
-    THREE_AXES = 0
-    TWO_TORQUES = 1
-    BY_DRIFT = 2
-    SOME_ATTITUDES = 3
-    TOO_FEW = 4
-    UNOPPOSED_TORQUE = 5
-    NOT_DECIDED = 6
-    UNHELD_MOMENTUM = 7
-    MAGNETIC = 8
-    UNHELD_ATTITUDE = 9
+    THREE_AXES = 0, "torques about three axes are left"
+    TWO_TORQUES = 1, "two torques are left, controllable"
+    BY_DRIFT = 2, "controllable in principle, which no law uses"
+    SOME_ATTITUDES = 3, "two wheels with momentum are left, which hold some attitudes"
+    TOO_FEW = 4, "too few torques are left: not controllable"
+    UNOPPOSED_TORQUE = 5, "nothing opposes the torque of a failed actuator with a margin"
+    NOT_DECIDED = 6, "controllability of the remaining actuators is not decided"
+    UNHELD_MOMENTUM = 7, "the others cannot hold the momentum of a runaway wheel"
+    MAGNETIC = 8, "magnetorquers control all axes over an orbit"
+    UNHELD_ATTITUDE = 9, "two wheels cannot hold the target against torque and momentum"
 
 
 _LEFT: Mapping[Laws, TorquesLeft] = {
