@@ -15,22 +15,6 @@ from jaxsat.controllability.rods import RodSet, judge_with_rods
 from jaxsat.controllability.wording import both_signs_by, lost_words, rod_torques
 from jaxsat.core.text import csv_text, number_text
 
-COLUMNS = (
-    "failed",
-    "working",
-    "rank",
-    "dimension",
-    "verdict",
-    "margin",
-    "turn_time_s",
-    "directions",
-    "torques",
-    "both_signs_by",
-    "laws",
-    "lost",
-    "once_stopped",
-)
-
 MOST_SUBSETS = 1 << 14
 """Largest number of subsets in a table."""
 
@@ -122,7 +106,7 @@ def torques_kind(judgement: Judgement) -> str:
 
 
 def failure_records(cases: Sequence[FailureCase]) -> list[dict[str, str | int | float]]:
-    """Return one flat dictionary per case, keys `COLUMNS`, for tables, terminals and data sets."""
+    """Return one flat dictionary per case, for tables, terminals and data sets."""
     return [
         {
             "failed": " ".join(case.failed) or "none",
@@ -149,36 +133,30 @@ def failure_arrays(cases: Sequence[FailureCase], names: Sequence[str]) -> dict[s
     `failed` (case, actuator) bool, `rank`, `dimension` and `directions` int, `controllable` and
     `borderline` bool, `margin` (dimensionless), `turn_time` (s), the others str.
     """
-    return {
+    records = failure_records(cases)
+    columns = {name: np.array([one[name] for one in records]) for name in records[0]}
+    del columns["working"]
+    columns["turn_time"] = columns.pop("turn_time_s")
+    return columns | {
         "failed": np.array([[name in case.failed for name in names] for case in cases], bool),
-        "rank": np.array([case.judgement.rank for case in cases]),
         "controllable": np.array([case.judgement.controllable for case in cases]),
         "borderline": np.array([case.judgement.borderline for case in cases]),
-        "margin": np.array([case.judgement.margin for case in cases]),
-        "turn_time": np.array([case.judgement.turn_time for case in cases]),
-        "directions": np.array([case.directions for case in cases]),
-        **{
-            column: np.array([record[column] for record in failure_records(cases)])
-            for column in (
-                *("dimension", "verdict", "torques", "both_signs_by", "laws", "lost"),
-                "once_stopped",
-            )
-        },
     }
 
 
 def failure_csv(cases: Sequence[FailureCase]) -> str:
     """Return the table as CSV text, full precision."""
-    rows = ([record[name] for name in COLUMNS] for record in failure_records(cases))
-    return csv_text([COLUMNS, *rows])
+    records = failure_records(cases)
+    return csv_text([list(records[0]), *(list(one.values()) for one in records)])
 
 
 def failure_markdown(cases: Sequence[FailureCase]) -> str:
     """Return the table as Markdown, margins and turn times to three digits."""
-    lines = ["| " + " | ".join(COLUMNS) + " |", "|" + "---|" * len(COLUMNS)]
-    for record in failure_records(cases):
+    records = failure_records(cases)
+    lines = ["| " + " | ".join(records[0]) + " |", "|" + "---|" * len(records[0])]
+    for record in records:
         for column in ("margin", "turn_time_s"):
             record[column] = number_text(float(str(record[column])), 3)
-        cells = [str(record[column]).replace("|", "\\|") for column in COLUMNS]
+        cells = [str(cell).replace("|", "\\|") for cell in record.values()]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"

@@ -296,10 +296,6 @@ def _drift_figures(chart_data: Mapping[str, tuple[Any, ...]]) -> "dict[str, Figu
     return {name: charts[name](*data) for name, data in chart_data.items()}
 
 
-def _working(scenario: Scenario, kind: str) -> list[int]:
-    return [place for place, one in enumerate(getattr(scenario, kind)) if not one.failed]
-
-
 def _figures(
     scenario: Scenario, judgement: Judgement, cases: Sequence[FailureCase]
 ) -> "dict[str, Figure]":
@@ -314,8 +310,10 @@ def _figures(
     figures = {"failures": failure_chart(failure_records(cases))}
     inertia, axes = judgement.inertia, judgement.actuators.torques
     if judgement.one_signed or judgement.actuators.wheels:
-        steered = [one for one in ACTUATORS if one.steering]
-        steered = [f"{one.called}s" for one in steered if _working(scenario, one.name)]
+        kinds = {one.called: getattr(scenario, one.name) for one in ACTUATORS if one.steering}
+        steered = [
+            f"{kind}s" for kind, tables in kinds.items() if not all(x.failed for x in tables)
+        ]
         figures["torque-map"] = torque_map(judgement.cone, judgement.actuators, without=steered)
         return figures
     if axes.shape[1] == 0:
