@@ -23,7 +23,7 @@ from jaxsat.scenario.parts.requirements import RequirementTable
 from jaxsat.scenario.parts.sensors import TABLES as SENSORS
 from jaxsat.scenario.parts.sensors import EstimatorOfAKind, SamplingTable
 from jaxsat.scenario.parts.thrusters import ModulationTable
-from jaxsat.scenario.parts.unloading import UnloadingTable
+from jaxsat.scenario.parts.wheels import UnloadingTable
 from jaxsat.scenario.quantities import Line, ScenarioTable, Text, choice, table_with
 from jaxsat.scenario.rules import broken_rules
 from jaxsat.scenario.tables import InitialTable, SettledTable, SimulationTable, SpacecraftTable

@@ -18,7 +18,7 @@ from jaxsat.scenario.build.sensors import tachometer_noise
 from jaxsat.scenario.build.thrusters import failing, pulsed_thrusters, rate_noise
 from jaxsat.scenario.derived import ideal_shares, thruster_costs
 from jaxsat.scenario.parts.torque_makers import TorqueMakers, left_by_wheels, wheel_axes
-from jaxsat.scenario.parts.unloading import UnloadingTable
+from jaxsat.scenario.parts.wheels import UnloadingTable
 from jaxsat.scenario.plugins import ACTUATORS, find_part
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario

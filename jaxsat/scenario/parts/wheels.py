@@ -1,4 +1,4 @@
-"""`[[wheel]]`: rules of reaction wheels, and quantities derived from their keys."""
+"""`[[wheel]]` and `[unloading]`: rules of reaction wheels, and quantities from their keys."""
 
 from typing import Annotated, Any
 
@@ -8,7 +8,7 @@ from annotated_types import Gt, Le
 from jaxsat.core.allocation import least_squares_map, what_is_left
 from jaxsat.core.declaration.actuators import ACTUATORS, STEERED
 from jaxsat.core.declaration.wheels import WHEEL
-from jaxsat.core.ranges import Range
+from jaxsat.core.ranges import SECONDS, Range
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.actuator import number_of, table_of_device
 from jaxsat.scenario.parts.torque_makers import (
@@ -18,7 +18,14 @@ from jaxsat.scenario.parts.torque_makers import (
     left_by_wheels,
     wheel_axes,
 )
-from jaxsat.scenario.quantities import STAND_IN, Number, inertia_matrix, quantity, within
+from jaxsat.scenario.quantities import (
+    STAND_IN,
+    Number,
+    ScenarioTable,
+    inertia_matrix,
+    quantity,
+    within,
+)
 from jaxsat.scenario.rules import STEPS, at, key_of_fixed_steps, outage_mistakes, rule, rule_over
 from jaxsat.scenario.tables import working_axes
 from jaxsat.scenario.wording import shown
@@ -263,3 +270,36 @@ def _what_has_seized_stays_so_under_a_continuous_law(values):
                 f'must not be a wheel that may have "stopped" before, under the law "{law}": only '
                 f"a sampled law lets one that has seized turn again, got {shown(one.of)}",
             )
+
+
+class UnloadingTable(ScenarioTable):
+    """`[unloading]`: unloading of wheels by magnetorquers, or regulation of a momentum bias."""
+
+    time_constant_s: Annotated[Number, within(SECONDS)] = quantity(
+        "Time in which the wheels' momentum across the Earth's field is to fall to 1/e", "s", 1000.0
+    )
+    bias_N_m_s: Number = quantity(
+        "Momentum of the wheels about negative body y, in the orbit frame the orbit normal, that "
+        "magnetorquers keep",
+        "N m s",
+        0.0,
+    )
+
+
+@rule("unloading.bias_N_m_s", "wheel")
+def _wheels_hold_the_bias(bias, wheels):
+    if not bias or not wheels:
+        return
+    missing = left_by_wheels(wheels, 3) @ [0.0, bias, 0.0]
+    if np.abs(missing).max() > MISSING * abs(bias):
+        message = "must be 0 where the wheels left make no torque about body y alone"
+        yield at("unloading.bias_N_m_s", f"{message}, got {shown(bias)}")
+
+
+@rule("unloading.time_constant_s", "magnetorquer", "wheel")
+def _unloading_has_both(time, magnetorquers, wheels):
+    tables = {"[[wheel]]": wheels, "[[magnetorquer]]": magnetorquers}
+    missing = " and ".join(name for name, rows in tables.items() if not rows)
+    if missing:
+        message = "must belong to wheels and magnetorquers that unload them"
+        yield at("unloading", f"{message}, got time_constant_s = {shown(time)} without {missing}")

@@ -33,9 +33,8 @@ from jaxsat.synthesis.flights import (
     study_of_requirements,
     unit_of,
 )
-from jaxsat.synthesis.rare_events.doubts import doubts_of
 from jaxsat.synthesis.rare_events.result import EstimateSettings, LevelRow, RareEvent
-from jaxsat.synthesis.rare_events.violations import Violations, differences
+from jaxsat.synthesis.rare_events.violations import Violations, differences, doubts_of
 
 KIND = "rare event"
 """Kind of the output folder."""

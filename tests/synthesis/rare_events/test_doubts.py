@@ -5,8 +5,7 @@ import pytest
 from scipy.special import ndtri
 
 from jaxsat.studies.splitting import Level, Population, Replications, Space, Splitting
-from jaxsat.synthesis.rare_events.doubts import doubts_of
-from jaxsat.synthesis.rare_events.violations import Violations
+from jaxsat.synthesis.rare_events.violations import Violations, doubts_of
 
 COUNT = 100
 NOISELESS, NOISY = (Space(np.zeros(1, bool), noisy) for noisy in (False, True))
