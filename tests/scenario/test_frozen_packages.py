@@ -1,8 +1,10 @@
 """Packages that were frozen at a release, with numbers of that release: both must stay."""
 
+import ast
 import hashlib
 import json
 import os
+import pkgutil
 import subprocess
 import sys
 
@@ -66,6 +68,17 @@ def test_packages_of_0_2_are_as_they_were():
     texts = {file.relative_to(FROZEN).as_posix(): file.read_text("utf-8") for file in found}
     text = "".join(f"{name}\n{texts[name]}" for name in sorted(texts))
     assert hashlib.sha256(text.encode()).hexdigest() == DIGEST
+
+
+def test_what_packages_of_0_2_import_is_there():
+    names = set()
+    for file in FROZEN.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("jaxsat"):
+                names |= {f"{node.module}:{one.name}" for one in node.names}
+    assert "jaxsat.spacecraft.effector:AbstractEffector" in names
+    for name in names:
+        pkgutil.resolve_name(name)
 
 
 @pytest.mark.slow
