@@ -6,8 +6,8 @@ from typing import ClassVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import jax.scipy
 import numpy as np
-from jax.scipy.special import ndtr, ndtri
 from jaxtyping import Array, Float
 
 from jaxsat.core.array_types import Vector
@@ -85,7 +85,7 @@ class Normal(AbstractProbabilityDistribution):
 
     def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:
         """Gaussian quantile."""
-        return self.mean + self.sigma * ndtri(u)
+        return self.mean + self.sigma * jax.scipy.special.ndtri(u)
 
     def is_bounded(self) -> bool:
         """False: a Gaussian has tails."""
@@ -126,8 +126,8 @@ class TruncatedNormal(AbstractProbabilityDistribution):
         lower = jnp.where(mirrored, -high, low)
         upper = jnp.where(mirrored, -low, high)
         u = jnp.where(mirrored, 1 - u, u)
-        below, above = ndtr(lower), ndtr(upper)
-        x = jnp.clip(ndtri(below + u * (above - below)), lower, upper)
+        below, above = jax.scipy.special.ndtr(lower), jax.scipy.special.ndtr(upper)
+        x = jnp.clip(jax.scipy.special.ndtri(below + u * (above - below)), lower, upper)
         return self.mean + self.sigma * jnp.where(mirrored, -x, x)
 
 

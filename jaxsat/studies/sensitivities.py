@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxsat.studies.distribution_functions import f_quantile
 from jaxsat.studies.statistics import LEVEL, Interval
 
 UNKNOWN = Interval(float("nan"), float("nan"), float("nan"))
@@ -193,12 +194,10 @@ def _index_interval(index: _Index, tails: float) -> Interval:
     the estimate, whose square grows in proportion to the index. It is asymptotic: an index far from
     zero of a result with a heavy tail is less certain.
     """
-    from scipy import special  # takes its time, and a study that is computed has no use for it
-
     between, within = index.groups - 1, index.cases - index.groups
 
     def by_chance(quantile: float) -> float:
-        f = float(special.fdtri(between, within, quantile))
+        f = f_quantile(between, within, quantile)
         return between * (f - 1) / (between * f + within + 1)
 
     weight = NormalDist().inv_cdf(1 - tails / 2) ** 2

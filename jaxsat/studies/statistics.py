@@ -1,7 +1,6 @@
 """Statistics of a sample of cases: fractions and percentiles with their intervals."""
 
 import abc
-import bisect
 from collections.abc import Callable
 from dataclasses import dataclass
 from statistics import NormalDist
@@ -12,6 +11,7 @@ import numpy as np
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.once import latest
 from jaxsat.core.text import number_text
+from jaxsat.studies.distribution_functions import binomial
 
 LEVEL = 0.95
 
@@ -121,7 +121,7 @@ class WhenDecided(AbstractStopRule):
 
     def _decides(self, successes: int, count: int, fraction: float) -> bool:
         """Whether this number of successes rejects true fractions of `fraction` or less."""
-        from scipy import special  # as below
+        from scipy import special  # takes its time, and a study that is computed has no use for it
 
         if fraction in (0, 1):
             return fraction == 0 < successes
@@ -171,16 +171,10 @@ def percentile(values: np.ndarray, percent: float) -> Interval:
 def _order_statistics(count: int, percent: float) -> tuple[int, int]:
     """Number of order statistics below a percentile, and index of the first above it, each with the
     confidence `LEVEL` of both."""
-    from scipy import special  # takes its time, and a study that is computed has no use for it
-
+    first, at_most = binomial(count, percent / 100)
     tail = (1 - LEVEL) / 2
-
-    def at_most(number: int) -> float:
-        """Probability that at most `number` values lie below the percentile."""
-        return float(special.bdtr(number, count, percent / 100))
-
-    below = bisect.bisect_right(range(count), tail, key=at_most)
-    return below, bisect.bisect_left(range(count), 1 - tail, key=at_most)
+    below = first + int(np.searchsorted(at_most, tail, side="right"))
+    return below, min(first + int(np.searchsorted(at_most, 1 - tail)), count)
 
 
 def _of_sorted(values: np.ndarray, percent: float) -> float:

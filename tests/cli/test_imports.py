@@ -37,6 +37,7 @@ COMPUTING = {
         *TABLES,
         *FIGURES,
         "optax",
+        "scipy",
         "jaxsat.control.planned",
     },
 }

@@ -53,7 +53,10 @@ def test_percentile_intervals_cover(count, percent):
     assert all((one.high == np.inf) is few for one in found)
 
 
-@pytest.mark.parametrize(("count", "percent"), [(7, 50.0), (25, 10.0), (60, 37.0), (500, 99.0)])
+@pytest.mark.parametrize(
+    ("count", "percent"),
+    [(1, 50.0), (7, 50.0), (25, 10.0), (60, 37.0), (500, 99.0), (10**6, 0.001), (10**6, 50.0)],
+)
 def test_percentile_intervals_are_the_closest_that_are_sure_enough(count, percent):
     """Against the binomial distribution of SciPy, by the order statistics at the ends."""
     values = np.arange(1.0, count + 1)

@@ -13,6 +13,7 @@ from jaxtyping import Array, ArrayLike, Float, PyTree
 from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_array, as_float, concrete
 from jaxsat.core.jax_internals import Tracer
+from jaxsat.core.process import no_collection
 from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.core.trees import strong
@@ -90,6 +91,7 @@ def _by_diffrax(program: Program, case: PyTree, times, numbers, method, adjoint)
     return _trajectory(times, outputs, saved(signals, numbers, holds))
 
 
+@no_collection()
 def fly(
     loop: AbstractLoop,
     start: PlantState,

@@ -1,6 +1,7 @@
 """A single run of the compiled engine against diffrax, and what its details are."""
 
 import dataclasses
+import gc
 
 import equinox as eqx
 import jax
@@ -10,6 +11,7 @@ import pytest
 
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
+from jaxsat.simulation.engine import single
 from jaxsat.simulation.engine.native import engine
 from jaxsat.simulation.engine.single import TABLE, _program, fly, simulate
 from jaxsat.simulation.methods import adaptive, fixed
@@ -128,6 +130,21 @@ def test_other_numbers_compile_nothing(monkeypatch):
     assert len(engine._kernels) == 1
     assert len(second.times) > len(first.times)
     assert not np.allclose(second.signals.omega[0], first.signals.omega[0])
+
+
+def test_a_run_does_not_search_for_dead_cycles(monkeypatch):
+    """One search of the objects of JAX takes as long as a short flight."""
+    searching = []
+
+    def plan(*_):
+        searching.append(gc.isenabled())
+        raise LookupError
+
+    monkeypatch.setattr(single, "_plan", plan)
+    with pytest.raises(LookupError):
+        of(*SMOOTH[:2]).simulate()
+    assert searching == [False]
+    assert gc.isenabled()
 
 
 @pytest.mark.slow
