@@ -30,10 +30,9 @@ def run_of(*overrides):
 
 
 class Stepped(NamedTuple):
-    """A tracker of a plan of no meaning, its step, and the start."""
+    """A tracker of a plan of no meaning, and the start."""
 
     law: Any
-    step: Any
     start: PlantState
 
 
@@ -49,8 +48,15 @@ def stepped():
     rows |= {name: jnp.asarray(rng.normal(size=size)) for name, size in gains.items()}
     plan = PlanTable(jnp.array(0.0), jnp.array(DURATION), jnp.asarray(attitude), **rows)
     law = PlanTracking(run.loop.controller.settling, plan, jnp.array(0.5))  # pyright: ignore
-    compiled = eqx.filter_jit(lambda law, *given: law.step(*given))
-    return Stepped(law, compiled, run.start)
+    return Stepped(law, run.start)
+
+
+_step = eqx.filter_jit(lambda law, *given: law.step(*given))
+
+
+def step(*given):
+    """One sample of a law; without weak types, so that all samples share one program."""
+    return _step(*jax.tree.map(lambda x: np.asarray(x) if eqx.is_array(x) else x, given))
 
 
 def on_plan(law, row, quaternion=(0.0, 0.0, 0.0, 0.0), omega=(0.0, 0.0, 0.0)):
@@ -73,7 +79,7 @@ def test_the_torque_is_the_plans_mean_and_the_feedback_of_the_difference(stepped
     here = on_plan(law, row, *difference)
     q = np.asarray(here.attitude.as_quaternion().q)
     seen = PlantState(Quaternion(jnp.asarray(-q)), here.omega)
-    found, after = stepped.step(law, jnp.array(row * length), seen, memory)
+    found, after = step(law, jnp.array(row * length), seen, memory)
     assert after.follows
     torques = np.asarray(law.plan.torque)[row : row + 2]
     wanted = torques.sum(axis=0) / 2
@@ -85,12 +91,12 @@ def test_the_torque_is_the_plans_mean_and_the_feedback_of_the_difference(stepped
 
 
 def test_a_plan_is_followed_from_its_begin_until_its_end_if_it_was_ahead(stepped):
-    law, step, start = stepped
+    law, start = stepped.law, stepped.start
     later = eqx.tree_at(lambda x: x.plan.begin, law, jnp.array(30.0))
     here = on_plan(law, 0)
 
     def after(law, t, memory):
-        return step(law, jnp.array(t), here, jax.tree.map(np.asarray, memory))[1]
+        return step(law, jnp.array(t), here, memory)[1]
 
     waiting = after(later, 29.9, law.init(start))
     assert (bool(waiting.follows), bool(waiting.waits)) == (False, True)
@@ -106,16 +112,15 @@ def test_a_plan_is_followed_from_its_begin_until_its_end_if_it_was_ahead(stepped
 
 
 def test_a_plan_that_is_far_off_is_given_up(stepped):
-    law, step, start = stepped
-    memory = law.init(start)
+    law, memory = stepped.law, stepped.law.init(stepped.start)
     turned = on_plan(law, 0, quaternion=(0, 2.0, 0, 0))
     torque, after = step(law, jnp.array(0.0), turned, memory)
     assert not after.follows
-    wanted, settling = law.settling.step(jnp.array(0.0), turned, memory.settling)
+    wanted, settling = step(law.settling, jnp.array(0.0), turned, memory.settling)
     np.testing.assert_allclose(torque, wanted, rtol=1e-12)
     assert after.settling.phase == settling.phase
     following = memory._replace(follows=jnp.array(True), waits=jnp.array(False))
-    after = step(law, jnp.array(0.0), turned, jax.tree.map(np.asarray, following))[1]
+    after = step(law, jnp.array(0.0), turned, following)[1]
     assert (bool(after.follows), int(after.settling.phase)) == (False, Phase.STOPPING)
 
 

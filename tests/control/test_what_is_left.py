@@ -37,8 +37,11 @@ CASES = {
 }
 
 
+SLOW = ("two torques", "magnetic")
+
+
 @pytest.mark.parametrize(
-    "laws", [pytest.param(one, marks=[pytest.mark.slow] * (one == "magnetic")) for one in CASES]
+    "laws", [pytest.param(one, marks=[pytest.mark.slow] * (one in SLOW)) for one in CASES]
 )
 def test_the_law_does_what_controllability_says(laws):
     scenario = CASES[laws]()

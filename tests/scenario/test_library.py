@@ -1,5 +1,7 @@
 """The named scenarios: that they are what they claim, and run to the paper's numbers."""
 
+import functools
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -34,6 +36,7 @@ REAL = [
     "wheels-fail",
 ]
 NAMES = PAPER + SETTLING + ACCEPTANCE + TUNED + REAL
+loaded = functools.cache(load)
 
 
 def test_names():
@@ -42,7 +45,7 @@ def test_names():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_dump_loads_to_an_equal_scenario(name, tmp_path):
-    scenario = load(name)
+    scenario = loaded(name)
     path = tmp_path / "again.toml"
     path.write_text(dump(scenario), encoding="utf-8")
     assert load(path) == scenario
@@ -50,7 +53,7 @@ def test_dump_loads_to_an_equal_scenario(name, tmp_path):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_scenario_says_what_it_is(name):
-    scenario = load(name)
+    scenario = loaded(name)
     assert len(scenario.description) > 80
     text = library()[name].read_text(encoding="utf-8")
     assert "Acta Astronautica" in text or "J. Guidance" in text
@@ -71,7 +74,7 @@ def test_scenario_says_what_it_is(name):
     ],
 )
 def test_loop_that_suits(name, loop):
-    assert type(build(load(name)).loop) is loop
+    assert type(build(loaded(name)).loop) is loop
 
 
 @pytest.mark.slow

@@ -236,6 +236,7 @@ def test_a_case_draws_its_errors_from_its_own_key(tmp_path):
             BOTH + "[dispersion.turn_rad]\ndistribution = 'uniform'\nlow = 0\nhigh = 1",
         ),
         400,
+        engine="scan",
     )
 
     def first(case):

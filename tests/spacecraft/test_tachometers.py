@@ -91,7 +91,8 @@ def test_the_law_is_told_noisy_momenta_behind_either_kind_of_sensors(name):
 
 @pytest.mark.slow
 def test_every_case_of_a_study_has_its_own_noise():
-    study = build_study(load("failures-telescope", ["simulation.duration_s=60"]), 2)
+    scenario = load("failures-telescope", ["simulation.duration_s=60"])
+    study = build_study(scenario, 2, engine="scan")
     cases = study.cases(np.arange(2))
     loops = [study.case_factory(jax.tree.map(lambda x, k=k: x[k], cases)).loop for k in range(2)]
     first, second = (np.asarray(loop.tachometers.key) for loop in loops)

@@ -36,9 +36,9 @@ MORE = {
 }
 
 
-def study(*overrides, **options):
+def study(*overrides, engine="native", **options):
     scenario = load("pulsed-two-torque", [*PULSES, *overrides])
-    return build_study(scenario, 3, engine="native", **options)
+    return build_study(scenario, 3, engine=engine, **options)
 
 
 class Nobody(AbstractExecutor):
@@ -109,6 +109,6 @@ def test_torque_that_is_not_made_is_counted_by_sample_and_rounding_is_none():
 
 def test_axes_of_parts_have_the_names_of_the_scenario():
     named = WHEEL.replace("[{", "[{name='rw',")
-    made = study(f"wheel={named}")
+    made = study(f"wheel={named}", engine="scan")
     assert made.coordinates()["thruster"].values == ("x+", "x-", "y+", "y-")
     assert made.coordinates()["wheel"].values == ("rw",)

@@ -216,7 +216,8 @@ high = 5
 
 
 def test_times_of_failures_are_drawn(tmp_path):
-    study = build_study(loaded(tmp_path, TEST + failure() + DRAWN, purpose="study"), 6)
+    scenario = loaded(tmp_path, TEST + failure() + DRAWN, purpose="study")
+    study = build_study(scenario, 6, engine="scan")
     made: Any = jax.vmap(study.case_factory)(study.cases(np.arange(6)))
     at = np.asarray(made.loop.navigation.failures.at)
     assert at.shape == (6, 1)
@@ -230,7 +231,7 @@ def test_times_of_failures_are_drawn(tmp_path):
 @pytest.mark.parametrize(("part", "low"), [("star_tracker", 0), ("gyro", 1e-6)])
 def test_a_gyro_fails_after_the_first_sample_in_studies_too(tmp_path, part, low):
     text = TEST + failure(part, "stuck") + DRAWN
-    study = build_study(loaded(tmp_path, text, purpose="study"), 2)
+    study = build_study(loaded(tmp_path, text, purpose="study"), 2, engine="scan")
     limits = QUANTITIES["sensor_failure_time"].limits(study.case_factory.loop)
     assert float(limits.low) == low
 
