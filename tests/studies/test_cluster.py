@@ -1,11 +1,13 @@
 """Studies on the workers of a dask cluster: the same bits, whatever becomes of the workers."""
 
+import json
 import os
 import socket
+import subprocess
 import sys
 import threading
 import time
-from contextlib import closing
+from contextlib import ExitStack, closing, contextmanager
 
 import numpy as np
 import pytest
@@ -156,3 +158,42 @@ def test_a_slurm_job_computes(tmp_path, whole):
         executor = scheduler_at(jobs.scheduler_address)
         run_study(tumbling(), tmp_path / "s", executor=executor, elsewhere=True)
     assert contents(tmp_path / "s")["status"].sum() == len(whole["code"])
+
+
+@contextmanager
+def started(*words):
+    """A program of dask that ends with the block."""
+    command = [sys.executable, "-m", "dask", *map(str, words), "--no-dashboard"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as program:
+        try:
+            yield program
+        finally:
+            program.kill()
+
+
+@pytest.mark.slow
+def test_a_worker_that_is_killed_costs_no_case(tmp_path):
+    """A scheduler and workers of their own, as on a cluster; one dies, and another one comes."""
+    study, file = tumbling(600, duration=100.0), tmp_path / "scheduler.json"
+    of_scheduler = ("--host", "127.0.0.1", "--port", "0", "--dashboard-address", "127.0.0.1:0")
+    of_worker = ("worker", "--scheduler-file", file, "--no-nanny", "--nthreads", "1")
+    with ExitStack() as running:
+        running.enter_context(started("scheduler", *of_scheduler, "--scheduler-file", file))
+        executor = scheduler_at(str(file), timeout=60.0)
+        first, _ = (running.enter_context(started(*of_worker)) for _ in range(2))
+        address = json.loads(file.read_text())["address"]
+        with distributed.Client(address, set_as_default=False) as client:
+            client.wait_for_workers(2, timeout=60)
+        seen = []
+
+        def kill_one(_):
+            if not seen:
+                first.kill()
+                running.enter_context(started(*of_worker))
+            seen.append(contents(tmp_path / "s")["status"].sum())
+
+        run_study(study, tmp_path / "s", executor=executor, report=kill_one)
+    assert first.returncode < 0
+    assert 0 < seen[0] < 600
+    run_study(study, tmp_path / "serial")
+    same(contents(tmp_path / "s"), contents(tmp_path / "serial"))
