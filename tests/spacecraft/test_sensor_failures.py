@@ -111,7 +111,7 @@ def test_spikes_have_their_probability_and_size(probability):
     def turn(number):
         return events.conditions(number, jnp.array(PERIOD), KEY, 1)[0].error
 
-    turns = np.asarray(jax.vmap(turn)(jnp.arange(3000)))
+    turns = np.asarray(jax.jit(jax.vmap(turn))(jnp.arange(3000)))
     spikes = np.any(turns != 0, axis=1)
     assert abs(spikes.mean() - probability) <= 4 * np.sqrt(probability * (1 - probability) / 3000)
     assert abs(turns[spikes].std() / 0.2 - 1) < 0.1
@@ -184,8 +184,13 @@ def test_a_tachometer_that_sticks_in_its_outage_repeats_what_it_read_before():
     tachometers = Tachometers(
         [0.0] * 3, outage_start=[1.5, *never], outage=[1.0] * 3, failures=events
     )
+
+    @jax.jit
+    def sample(number, reading, last):
+        measured = tachometers(number, (WheelMomenta(reading),))
+        return tachometers.read(number, jnp.array(PERIOD), measured, last)
+
     last = tachometers.first_readings()
     for number, reading in zip(jnp.arange(8), READINGS, strict=True):
-        measured = tachometers(number, (WheelMomenta(jnp.array(reading)),))
-        (read,), last = tachometers.read(number, jnp.array(PERIOD), measured, last)
+        (read,), last = sample(number, jnp.array(reading), last)
     np.testing.assert_array_equal(read.momentum, [READINGS[2, 0], *READINGS[7, 1:]])

@@ -64,7 +64,7 @@ def test_a_day_of_two_body_motion_integrated(elements):
     solution = solve_ivp(
         rate, (0, DAY), np.concatenate(start), "DOP853", times, rtol=1e-13, atol=1e-6
     )
-    found = jax.vmap(orbit.position)(jnp.array(times))
+    found = jax.jit(jax.vmap(orbit.position))(jnp.array(times))
     np.testing.assert_allclose(found, solution.y[:3].T, rtol=0, atol=1.0)
 
 
