@@ -29,7 +29,7 @@ from jaxsat.flight.harness import (
     test_program,
     vectors_file,
 )
-from jaxsat.flight.measure import BOUND_SCRIPT, ProcessorUse, measured
+from jaxsat.flight.measure import BOUND_SCRIPTS, ProcessorUse, measured
 from jaxsat.flight.parameters import parameters_header, parameters_source
 from jaxsat.flight.plan import plan_code, plan_files, plan_table
 from jaxsat.flight.program import FlightProgram, flight_program
@@ -136,8 +136,7 @@ def export(request: Request) -> Export:
         "freertos_task.c": freertos_task(program),
         "trace.csv": trace_table(program, texts["controller.c"]),
         "misra_deviations.txt": "".join(f"{rule}\n" for rule in DEVIATIONS),
-        "mcdc.py": template("mcdc.py"),
-        BOUND_SCRIPT: template(BOUND_SCRIPT),
+        **{name: template(name) for name in ("mcdc.py", *BOUND_SCRIPTS)},
         "Makefile": template("Makefile", ULP=ulp, DIFFERENCE=difference),
         "CMakeLists.txt": template("CMakeLists.txt", ULP=ulp, DIFFERENCE=difference),
         "scenario.toml": request.scenario,

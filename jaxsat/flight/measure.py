@@ -30,8 +30,8 @@ LONGEST = 120.0
 HOST = "cc"
 """Compiler of this machine."""
 
-BOUND_SCRIPT = "longest_path.py"
-"""Script of an export that bounds instructions by the longest path."""
+BOUND_SCRIPTS = ("longest_path.py", "loop_bounds.py", "machine_code.py")
+"""Script of an export that bounds instructions by the longest path, and its modules."""
 
 DEAREST = 512
 """Number of emulated samples that run most blocks of code."""
@@ -99,7 +99,7 @@ def _entry(files: Mapping[str, bytes]) -> str:
         place = shutil.which(tool)
         status = None if place is None else Path(place).stat()
         tools.append(None if status is None else (place, status.st_size, status.st_mtime_ns))
-    scripts = template("blocks.c"), template(BOUND_SCRIPT)
+    scripts = [template(name) for name in ("blocks.c", *BOUND_SCRIPTS)]
     origin = (Path(__file__).read_bytes(), *scripts, tools, *files.items())
     return f"{hashlib.sha256(repr(origin).encode()).hexdigest()}.measured"
 
@@ -151,9 +151,10 @@ def _use(folder: Path, flags: Sequence[str], board: str, samples: int) -> Proces
 
 def _bounds(folder: Path, functions: Sequence[str]) -> tuple[list[list[int | None]], list[str]]:
     """Return the bounds of instructions and stack (bytes) of functions, and why some have none."""
-    (folder / BOUND_SCRIPT).write_text(template(BOUND_SCRIPT))
+    for name in BOUND_SCRIPTS:
+        (folder / name).write_text(template(name))
     try:
-        output = run_tool(folder, sys.executable, BOUND_SCRIPT, "steps.elf", *functions)
+        output = run_tool(folder, sys.executable, BOUND_SCRIPTS[0], "steps.elf", *functions)
     except subprocess.SubprocessError as error:
         return [[None, None] for _ in functions], [f"no bounds: {type(error).__name__}"]
     matches = [

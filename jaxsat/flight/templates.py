@@ -13,13 +13,13 @@ BUILT = frozenset(f"build/{name}" for name in (
 )) | {"build", "controller.c.gcov", "controller.c.mcdc"}  # fmt: skip
 """Files that `make` and CMake leave in the folder."""
 
-OF_CMAKE = ("build/CMakeFiles", "build/Testing")
-"""Folders that belong to CMake."""
+OF_TOOLS = ("build/CMakeFiles", "build/Testing", "__pycache__")
+"""Folders that belong to CMake and Python."""
 
 
 def is_built(name: str) -> bool:
     """Whether a name, relative to the export's folder, is a build output."""
-    return name in BUILT or any(name == one or name.startswith(f"{one}/") for one in OF_CMAKE)
+    return name in BUILT or any(name == one or name.startswith(f"{one}/") for one in OF_TOOLS)
 
 
 def template(name: str, **values: object) -> str:

@@ -175,6 +175,7 @@ def test_what_a_build_makes_is_known_by_its_names():
     assert is_built("build")
     assert is_built("build/controller.o")
     assert is_built("build/CMakeFiles/controller.dir/link.txt")
+    assert is_built("__pycache__/machine_code.cpython-312.pyc")
     assert not is_built("build/notes.txt")
     assert not is_built("build/CMakeFilesOfMine")
     assert not is_built("notes.txt")

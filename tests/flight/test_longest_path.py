@@ -1,6 +1,6 @@
 """The script of an export that bounds instructions: small programs whose counts are known."""
 
-import importlib.util
+import importlib
 import subprocess
 from importlib.resources import files
 from pathlib import Path
@@ -12,14 +12,11 @@ from helpers.tools import needs
 
 @pytest.fixture(scope="module")
 def script():
-    """The script as a module."""
-    place = str(files("jaxsat.flight") / "assets" / "longest_path.py")
-    spec = importlib.util.spec_from_file_location("longest_path", place)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    """The script as a module, beside its own modules."""
+    place = str(files("jaxsat.flight") / "assets")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(place)
+        return importlib.import_module("longest_path")
 
 
 BEYOND = ("moved", "beyond", "varied", "either", "after", "other_flags")
@@ -209,13 +206,13 @@ def program(script, tmp_path_factory):
 
 def _length(program, name: str) -> int:
     """Instructions of a function's text, each once."""
-    return sum(program.name(address) == name for address in program.code)
+    return sum(program.code.name(address) == name for address in program.code.rows)
 
 
 @needs("arm-none-eabi-gcc")
 def test_the_bound_is_that_of_the_longest_path(program):
     names = "straight", "choose", "repeat", "nested", "stop", "enter", "copy", "joined"
-    bound = {name: program.bound(program.starts[name]) for name in names}
+    bound = {name: program.bound(program.code.starts[name]) for name in names}
     assert bound["straight"] == _length(program, "straight")
     # a comparison, a branch, six numbers, six stores and a return, without the shorter branch
     assert 15 <= bound["choose"] < _length(program, "choose")
@@ -230,11 +227,11 @@ def test_the_bound_is_that_of_the_longest_path(program):
     # three copies of 25 words, which may be of 100 bytes one by one
     assert 3 * 2 * 25 < bound["copy"] < 3 * 8 * 100
     # a copy of 100 bytes, or of 24
-    assert bound["joined"] == 6 + 1 + program.bound(program.starts["memcpy"], 100)
+    assert bound["joined"] == 6 + 1 + program.bound(program.code.starts["memcpy"], 100)
     # three passes of four instructions each over 48 bytes
-    assert program.bound(program.starts["block"]) == 1 + 3 * 4 + 1
-    assert program.bound(program.starts["earlier"]) == 4 + 3 * 4 + 1
-    assert program.bound(program.starts["shifted"]) == 3 + 3 * 4 + 1
+    assert program.bound(program.code.starts["block"]) == 1 + 3 * 4 + 1
+    assert program.bound(program.code.starts["earlier"]) == 4 + 3 * 4 + 1
+    assert program.bound(program.code.starts["shifted"]) == 3 + 3 * 4 + 1
 
 
 @needs("arm-none-eabi-gcc")
@@ -244,12 +241,12 @@ def test_the_stack_is_that_of_the_compiler_along_the_deepest_chain(script, progr
     rows = (line.split("\t") for line in file.read_text().splitlines())
     frames = {row[0].split(":")[-1]: int(row[1]) for row in rows}
     assert frames["saved"] >= 100 + 8 + 4  # an array, and registers of both kinds
-    stack = {name: program.stack(program.starts[name]) for name in ("seen", "outer", "saved")}
+    stack = {name: program.stack(program.code.starts[name]) for name in ("seen", "outer", "saved")}
     assert stack["seen"] == frames["seen"]
     assert stack["saved"] == frames["saved"] + frames["seen"]
     assert stack["outer"] == frames["outer"] + stack["saved"]
     with pytest.raises(script.Unbounded, match="grows reserves stack by a number"):
-        program.stack(program.starts["grows"])
+        program.stack(program.code.starts["grows"])
 
 
 @needs("arm-none-eabi-gcc")
@@ -267,7 +264,7 @@ def test_the_stack_is_that_of_the_compiler_along_the_deepest_chain(script, progr
 )
 def test_what_cannot_be_bounded_is_told(script, program, name, why):
     with pytest.raises(script.Unbounded, match=why):
-        program.bound(program.starts[name])
+        program.bound(program.code.starts[name])
 
 
 def test_loops_run_as_often_as_their_text_says(script):

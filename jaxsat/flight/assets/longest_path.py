@@ -15,58 +15,28 @@ reserve along the deepest chain of calls.
 
 import argparse
 import re
-import subprocess
-from bisect import bisect_right
-from itertools import pairwise
 from pathlib import Path
 
-OBJDUMP = "arm-none-eabi-objdump"
+from loop_bounds import loop_bounds
+from machine_code import COPIES, MachineCode, Unbounded, added, may_write
+
 CALLER, PASS = -1, -2
 BITS = 64
-COPIES = ("memcpy", "memmove", "memset")
 LIBRARY = re.compile(
     r"__aeabi_(?!mem)\w+|__u?(div|mod|divmod)[sd]i\d|__(ieee754_)?sqrtf?|(sqrt|floor|ceil|rint)f?"
     r"|__(add|sub|mul|div|fix|fixuns|float|floatun|trunc|extend|neg|cmp|unord)[sd][if]\w*"
 )
 STORED = {"strb": 1, "strh": 2, "str": 4, "strd": 8}
-
-ROW = re.compile(r"^ *([0-9a-f]+):[ \t]+([a-z][\w.]*)[ \t]*([^@;\n]*)", re.M)
-LINE = re.compile(r"^(\S+\.c):?\s+(\d+|-)\s+(0x[0-9a-f]+|0)\b", re.M)
-LITERAL = re.compile(r"(-?)(?:U?INT\d+_C\((\d+)\)|(\d+)u?)")
-FOR = re.compile(r"\bfor \((?:int\w+ \w+ = (\d+))?; ([\w>.-]+) < (\w+); [\w>.-]+\+\+\)")
-HEAD = re.compile(r"^[a-z]\w*[^;{}=#/]*?\b(\w+)\([^;{}]*\)\s*\{", re.M)
-CONDITIONS = "eq|ne|cs|cc|mi|pl|vs|vc|hi|ls|ge|lt|gt|le|hs|lo"
-TABLE = re.compile(r"tb[bh] |(mov|add|ldr)\S* pc, (?!lr|\[sp)")
-SEVERAL = r"ldm|pop|ldrd|[us]ml|[us]mull|vmov"  # more results than their first operand
-RETURN = re.compile(r"(mov|ldr)\S* pc, |(pop|ldm)\S* .*\bpc\}")
-SAVES = re.compile(r"(push|pop) |(stm|ldm)\S* sp!")
 FLAGS = re.compile(r"\w+s|cmp|cmn|tst|teq")  # may set flags, by their names
-BRANCH = re.compile(rf"(b|bl|bx|blx)({CONDITIONS})?(\.[nw])?|(cbn?z)")
-
-
-class Unbounded(Exception):
-    """The instructions of a part of a program have no bound."""
 
 
 class Program:
-    """A linked program: its instructions by address, functions, and bounds of lines of C."""
+    """A linked program, and bounds of the instructions and the stack of its functions."""
 
     def __init__(self, file):
-        listing = _printed(OBJDUMP, "-d", "--no-show-raw-insn", file)
-        self.code = {int(a, 16): (name, rest.strip()) for a, name, rest in ROW.findall(listing)}
-        addresses = sorted(self.code)
-        self.after = dict(pairwise(addresses))
-        self.before = {after: one for one, after in self.after.items()}
-        self.jumps: dict[int, set[int]] = {}
-        for address in filter(self._jump, self.code):
-            self.jumps.setdefault(self._target(address), set()).add(address)
-        names = re.findall(r"^([0-9a-f]+) <([^>]+)>:$", listing, re.M)
-        self.names = {int(address, 16): name for address, name in names}
-        self.begins = sorted(self.names)
-        self.starts = {name: address for address, name in self.names.items()}
-        self.lines = self._lines(_printed(OBJDUMP, "--dwarf=decodedline", file), addresses)
+        self.code = MachineCode(file)
         self.loops: dict[tuple[str, int], int] = {}
-        for name in {name for name, _ in self.lines.values()}:
+        for name in {name for name, _ in self.code.lines.values()}:
             bounds = loop_bounds(Path(name).read_text())
             self.loops |= {(name, line): most for line, most in bounds.items()}
         self.known: dict[tuple[int, int | None], int] = {}
@@ -74,28 +44,14 @@ class Program:
         self.deep: dict[int, int] = {}
         self.open_stacks: list[int] = []
 
-    def _lines(self, listing, addresses):
-        """Return the file and line of each address that has them."""
-        marks = {}
-        for name, line, address in LINE.findall(listing):
-            marks[int(address, 16)] = None if line == "-" else (name, int(line))
-        lines, now = {}, None
-        for address in addresses:
-            now = marks.get(address, now)
-            if address in self.names and address not in marks:
-                now = None
-            if now is not None and Path(now[0]).exists():
-                lines[address] = now
-        return lines
-
     def bound(self, begin: int, size: int | None = None) -> int:
         """Return the most instructions of a call of a function; `size` is that of a copy."""
         key = begin, size
         if key in self.open:
-            raise Unbounded(f"{self.name(begin)} calls itself")
+            raise Unbounded(f"{self.code.name(begin)} calls itself")
         if key not in self.known:
             self.open.append(key)
-            nodes = self._reach(begin) | {CALLER: [begin]}
+            nodes = self.code.reach(begin) | {CALLER: [begin]}
             done, _ = self._paths(CALLER, set(nodes), nodes, size)
             ends = [done[one] for one, after in nodes.items() if None in after]
             self.known[key] = max(ends, default=0)
@@ -107,97 +63,22 @@ class Program:
         of calls from it ever reserve."""
         if begin not in self.deep:
             if begin in self.open_stacks:
-                raise Unbounded(f"{self.name(begin)} calls itself")
+                raise Unbounded(f"{self.code.name(begin)} calls itself")
             self.open_stacks.append(begin)
-            nodes = self._reach(begin)
-            calls = {self._target(one) for one in nodes if self._is_call(one)}
-            own = sum(self._reserved(one) for one in nodes)
+            nodes = self.code.reach(begin)
+            calls = {self.code.target(one) for one in nodes if self.code.is_call(one)}
+            own = sum(self.code.reserved(one) for one in nodes)
             self.deep[begin] = own + max(map(self.stack, calls), default=0)
             self.open_stacks.pop()
         return self.deep[begin]
 
-    def _reserved(self, address):
-        """Return the bytes of stack that an instruction reserves."""
-        name, rest = self.code[address]
-        text = f"{name} {rest}"
-        saved = re.match(r"v?(?:push\S*|stmdb\S* sp!,) \{(.*)\}", text)
-        if saved:
-            ranges = re.findall(r"([a-z]+)(\d*)(?:-[a-z]+(\d+))?", saved[1])
-            sizes = {"d": 8}
-            return sum(
-                sizes.get(kind, 4) * (int(last) - int(first) + 1 if last else 1)
-                for kind, first, last in ranges
-            )
-        number = re.match(r"subw?\S* sp, (?:sp, )?#(\d+)|str\S* .*\[sp, #-(\d+)\]!", text)
-        if number:
-            return int(number[1] or number[2])
-        if re.match(r"(sub|mov|bic|and)\S* sp,|add\S* sp, (?:sp, )?(?!sp)[a-z]", text):
-            raise Unbounded(f"{self.name(address)} reserves stack by a number that it computes")
-        return 0
-
-    def name(self, address):
-        """Return the name of the function at an address."""
-        return self.names[self.begins[bisect_right(self.begins, address) - 1]]
-
-    def _reach(self, begin):
-        """Return the possible successors of each instruction of a function; None is the return."""
-        nodes, left = {}, [begin]
-        while left:
-            address = left.pop()
-            if address not in nodes:
-                nodes[address] = self._next(address)
-                left += [one for one in nodes[address] if one is not None]
-        return nodes
-
-    def _next(self, address):
-        name, rest = self.code[address]
-        after = self.after.get(address)
-        match = BRANCH.fullmatch(name)
-        if match is None or match[1] == "bl":
-            if TABLE.match(f"{name} {rest}"):
-                raise Unbounded(f"{self.name(address)} jumps by a table")
-            if not RETURN.match(f"{name} {rest}"):
-                return [after]
-            return [None, after] if self._is_conditional(address) else [None]
-        if match[1] in ("bx", "blx"):
-            if rest != "lr":
-                raise Unbounded(f"{self.name(address)} calls by a pointer")
-            return [None, after] if match[2] else [None]
-        target = None if self._is_call(address) else self._target(address)
-        return [target, after] if match[2] or match[4] else [target]
-
-    def _jump(self, address):
-        """Return which jump to an address that it states an instruction is, None for any other."""
-        match = BRANCH.fullmatch(self.code[address][0])
-        return None if match is None or match[1] in ("bx", "blx") else match[1] or match[4]
-
-    def _target(self, address):
-        return int(self.code[address][1].split(",")[-1].split()[0], 16)
-
-    def _is_call(self, address):
-        """Whether an instruction calls a function, or ends by a copy in the place of its own."""
-        jump = self._jump(address)
-        if jump is None:
-            return False
-        target = self.names.get(self._target(address))
-        return jump == "bl" or (target in COPIES and self.name(address) != target)
-
-    def _is_conditional(self, address):
-        """Whether an instruction may be one of the at most four after an IT."""
-        for distance in range(4):
-            address = self.before.get(address, -1)
-            name = self.code.get(address, ("", ""))[0]
-            if re.fullmatch("it[te]{0,3}", name):
-                return len(name) - 1 > distance
-        return False
-
     def _cost(self, address, size) -> int:
         if address in (CALLER, PASS):
             return 0
-        if not self._is_call(address):
+        if not self.code.is_call(address):
             return 1
-        target = self._target(address)
-        copies = self.name(target) in COPIES
+        target = self.code.target(address)
+        copies = self.code.name(target) in COPIES
         return 1 + self.bound(target, self._size(address) if copies else None)
 
     def _size(self, call):
@@ -206,37 +87,30 @@ class Program:
         sizes, seen, left = [], {call}, [call]
         while left:
             place = left.pop()
-            before = self._before(place)
-            if place in self.names or not before:
-                raise Unbounded(f"{self.name(call)} copies an unknown number of bytes")
+            before = self.code.before(place)
+            if place in self.code.names or not before:
+                raise Unbounded(f"{self.code.name(call)} copies an unknown number of bytes")
             for address in before - seen:
-                name, rest = self.code[address]
+                name, rest = self.code.rows[address]
                 match = re.fullmatch(r"mov[sw.]* r2, (?:#(\d+)|(r\d+|sl|fp))", f"{name} {rest}")
                 if match:
                     sizes.append(int(match[1]) if match[1] else self._constant(match[2], call))
-                elif self._is_call(address) or _may_write("r2", name, rest):
-                    raise Unbounded(f"{self.name(call)} copies an unknown number of bytes")
+                elif self.code.is_call(address) or may_write("r2", name, rest):
+                    raise Unbounded(f"{self.code.name(call)} copies an unknown number of bytes")
                 else:
                     left.append(address)
             seen |= before
         return max(sizes)
 
-    def _before(self, address):
-        """Return the instructions after which that at an address may be next."""
-        places, before = set(self.jumps.get(address, ())), self.before.get(address)
-        if before is not None and address in self._next(before):
-            places.add(before)
-        return places
-
     def _constant(self, register, call):
         """Return the largest constant in a register that calls preserve and that has no other."""
         numbers = []
-        for address, (name, rest) in self.code.items():
-            if _may_write(register, name, rest) and self.name(address) == self.name(call):
+        for address, (name, rest) in self.code.rows.items():
+            if may_write(register, name, rest) and self.code.name(address) == self.code.name(call):
                 match = re.fullmatch(rf"mov[sw.]* {register}, #(\d+)", f"{name} {rest}")
                 numbers.append(int(match[1]) if match else None)
         if not numbers or None in numbers or register in ("r0", "r1", "r3"):
-            raise Unbounded(f"{self.name(call)} copies an unknown number of bytes")
+            raise Unbounded(f"{self.code.name(call)} copies an unknown number of bytes")
         return max(numbers)
 
     def _paths(self, begin, inside, nodes, size):
@@ -280,7 +154,7 @@ class Program:
         next, or to an end, counts as the longest, and a pass may have all tests."""
         line, tests = self._tests(heads, inside, nodes)
         if line is None:
-            raise Unbounded(f"{self.name(heads[0])} has a loop with several heads")
+            raise Unbounded(f"{self.code.name(heads[0])} has a loop with several heads")
         after = [other for one in tests for other in nodes[one]]
         rest = inside - tests
         begins = {PASS: [one for one in (*heads, *after) if one in rest]}
@@ -293,7 +167,7 @@ class Program:
         """Return the line of a `for` and its tests, which are on every way back to the heads."""
         tests = {}
         for one in inside:
-            line = self.lines.get(one)
+            line = self.code.lines.get(one)
             if line in self.loops and any(other not in inside for other in nodes[one]):
                 tests.setdefault(line, set()).add(one)
         cuts = [
@@ -312,38 +186,42 @@ class Program:
         copied = self._passes_of_copy(head, inside, nodes)
         if copied is not None:
             return copied - 1
-        places = {self.lines[one][1] for one in inside if one in self.lines}
+        places = {self.code.lines[one][1] for one in inside if one in self.code.lines}
         if places:
             why = f"has a loop without a bound, C lines {sorted(places)}"
-            raise Unbounded(f"{self.name(head)} {why}")
-        if size is None and not LIBRARY.fullmatch(self.name(head)):
-            raise Unbounded(f"{self.name(head)} has a loop and no debug information")
+            raise Unbounded(f"{self.code.name(head)} {why}")
+        if size is None and not LIBRARY.fullmatch(self.code.name(head)):
+            raise Unbounded(f"{self.code.name(head)} has a loop and no debug information")
         if size is None:
             return BITS
-        stored = [STORED.get(self.code[one][0].split(".")[0], 0) for one in inside]
+        stored = [STORED.get(self.code.rows[one][0].split(".")[0], 0) for one in inside]
         if not any(stored) or any(len(inside.intersection(nodes[one])) > 1 for one in inside):
-            raise Unbounded(f"{self.name(head)} has a loop that does not store in each pass")
+            raise Unbounded(f"{self.code.name(head)} has a loop that does not store in each pass")
         return size // sum(stored)
 
     def _passes_of_copy(self, head, inside, nodes):
         """Return the passes of a loop without branches that ends where a register, to which it adds
         a constant, equals another one; None for any other loop."""
-        tests = [one for one in inside if self.code[one][0].split(".")[0] == "cmp"]
-        ends = [self.code[one][0] for one in inside if nodes[one] != [self.after.get(one)]]
+        tests = [one for one in inside if self.code.rows[one][0].split(".")[0] == "cmp"]
+        ends = [
+            self.code.rows[one][0] for one in inside if nodes[one] != [self.code.after.get(one)]
+        ]
         if len(tests) != 1 or len(ends) != 1 or ends[0].split(".")[0] != "bne":
             return None
-        registers = re.fullmatch(r"(\w+), (\w+)", self.code[tests[0]][1])
-        later = [self.code[one] for one in inside if one > tests[0]]
+        registers = re.fullmatch(r"(\w+), (\w+)", self.code.rows[tests[0]][1])
+        later = [self.code.rows[one] for one in inside if one > tests[0]]
         if registers is None or any(FLAGS.fullmatch(name.split(".")[0]) for name, _ in later):
             return None
         for counter, end in (registers.groups(), registers.groups()[::-1]):
-            writes = [self.code[one] for one in inside if _may_write(counter, *self.code[one])]
-            steps = [step for one in writes if (step := _added(counter, counter, *one))]
+            writes = [
+                self.code.rows[one] for one in inside if may_write(counter, *self.code.rows[one])
+            ]
+            steps = [step for one in writes if (step := added(counter, counter, *one))]
             if not steps or len(steps) < len(writes):
                 continue
-            if any(_may_write(end, *self.code[one]) for one in inside):
+            if any(may_write(end, *self.code.rows[one]) for one in inside):
                 continue
-            if any(_may_write(counter, *code) for code in later):
+            if any(may_write(counter, *code) for code in later):
                 continue
             ahead = self._ahead(head, inside, counter, end)
             if ahead is not None and ahead % sum(steps) == 0:
@@ -354,19 +232,19 @@ class Program:
         """Return the largest constant by which a register is ahead of another before a loop, None
         if it is anything else."""
         constants, moves = [], {}
-        left = [(one, 0) for one in self._before(head) if one not in inside]
+        left = [(one, 0) for one in self.code.before(head) if one not in inside]
         while left:
             address, moved = left.pop()
             if moves.setdefault(address, moved) != moved:
                 return None
-            code = self.code[address]
-            if _may_write(end, *code):
-                constants.append((_added(end, counter, *code) or moved) - moved)
+            code = self.code.rows[address]
+            if may_write(end, *code):
+                constants.append((added(end, counter, *code) or moved) - moved)
                 continue
-            step = _added(counter, counter, *code) if _may_write(counter, *code) else 0
-            if step is None or self._is_call(address) or address in self.names:
+            step = added(counter, counter, *code) if may_write(counter, *code) else 0
+            if step is None or self.code.is_call(address) or address in self.code.names:
                 return None
-            before = [one for one in self._before(address) if one not in inside]
+            before = [one for one in self.code.before(address) if one not in inside]
             left += [(one, moved + step) for one in before if moves.get(one) != moved + step]
         return max(constants) if constants and min(constants) > 0 else None
 
@@ -406,73 +284,6 @@ def _in_order(begin, inside, nodes, without=None):
                 on_stack.difference_update(stack[place:])
                 del stack[place:]
     return parts[::-1]
-
-
-def _may_write(register, name, rest):
-    """Whether an instruction may change a register, but for those that save and restore it."""
-    if not re.search(rf"\b{register}\b", rest) or SAVES.match(f"{name} {rest}"):
-        return False
-    if re.search(rf"\[{register}\b[^]]*\](!|,)|\b{register}!", rest):
-        return True
-    if re.match(r"str|stm|cmp|cmn|tst|teq|cbn?z", name):
-        return False
-    return rest.startswith(f"{register},") or bool(re.match(SEVERAL, name))
-
-
-def _added(result, register, name, rest):
-    """Return the constant that an instruction adds to a register for a result, None for another."""
-    operands = (
-        rf"{result}, (?:{register}, )?#(\d+)"
-        if result == register
-        else rf"{result}, {register}, #(\d+)"
-    )
-    match = re.fullmatch(rf"add[sw.]* {operands}", f"{name} {rest}")
-    return int(match[1]) if match else None
-
-
-def loop_bounds(text):
-    """Return the most passes of each `for` of a C text, by its line."""
-    bounds = {}
-    for match in FOR.finditer(text):
-        begin, end, before = match[1], match[3], text[: match.start()]
-        if begin is None:
-            begin = _least_start(before, match[2])
-        if not end.isdecimal():
-            end = _largest_count(text, before, end)
-        if begin is not None and end is not None:
-            bounds[before.count("\n") + 1] = max(0, int(end) - int(begin))
-    return bounds
-
-
-def _least_start(before, counter):
-    """Return the least constant that the function before a place gives a counter; None if it gives
-    it anything else."""
-    heads = list(HEAD.finditer(before))
-    own = before[heads[-1].end() :] if heads else before
-    least = None
-    for start in re.findall(rf"(?<![\w>.]){re.escape(counter)} = ([^;]*);", own):
-        number = LITERAL.fullmatch(start)
-        if number is None:
-            return None
-        value = int(number[1] + (number[2] or number[3]))
-        least = value if least is None else min(least, value)
-    return least
-
-
-def _largest_count(text, before, count):
-    """Return the largest first argument in calls of the function around a place."""
-    heads = HEAD.findall(before)
-    if not heads:
-        return None
-    calls = re.findall(rf"\b{heads[-1]}\((int32_t \w+|[^,()]*)", text)
-    numbers = [one for one in calls if one != f"int32_t {count}"]
-    if len(numbers) == len(calls) or not all(one.isdecimal() for one in numbers):
-        return None
-    return max(map(int, numbers), default=None)
-
-
-def _printed(*command):
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
 
 def main():
