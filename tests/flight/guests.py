@@ -6,16 +6,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from jaxsat import AbstractSampledController, LawDeclaration, RigidBody
+from jaxsat import LawDeclaration
 from jaxsat.core.declaration import number
-
-PERIOD = number("period_s", "Time between samples", "s", above=0, default=0.25)
-
-
-def _error(state):
-    """The vector part of the quaternion, the shorter way round."""
-    q = state.attitude.as_quaternion().q
-    return jnp.where(q[0] < 0, -1.0, 1.0) * q[1:]
+from tests.flight.law_frame import PERIOD, AbstractVisitor, attitude_error
 
 
 class Valve(enum.IntEnum):
@@ -35,7 +28,7 @@ class ValveMemory(NamedTuple):
     locked: jax.Array
 
 
-class BangBang(AbstractSampledController):
+class BangBang(AbstractVisitor):
     """Full torque on a phase plane with dead band and hysteresis, and a shortest pulse."""
 
     declaration = LawDeclaration(
@@ -50,17 +43,10 @@ class BangBang(AbstractSampledController):
         torques=3,
     )
 
-    model: RigidBody
-    period: jax.Array
     level: jax.Array
     dead_band: jax.Array
     hysteresis: jax.Array
     lead: jax.Array
-
-    @classmethod
-    def from_table(cls, values, context):
-        names = ("period_s", "level", "dead_band_rad", "hysteresis", "lead_s")
-        return cls(context.model, *(jnp.asarray(values[name]) for name in names))
 
     def init(self, state):
         zero = jnp.zeros(3, int)
@@ -68,7 +54,7 @@ class BangBang(AbstractSampledController):
 
     def step(self, t, state, memory):
         rate = self.model.relative_rate(state)
-        line = 2 * _error(state) + self.lead * rate
+        line = 2 * attitude_error(state) + self.lead * rate
         inner = self.hysteresis * self.dead_band
 
         def axis(line, rate, valve, since, pulses, locked):
@@ -103,7 +89,7 @@ class ObserverMemory(NamedTuple):
     started: jax.Array
 
 
-class Observing(AbstractSampledController):
+class Observing(AbstractVisitor):
     """A Kalman filter of rates with gated innovations, and feedback of what it estimates."""
 
     declaration = LawDeclaration(
@@ -118,17 +104,10 @@ class Observing(AbstractSampledController):
         torques=3,
     )
 
-    model: RigidBody
-    period: jax.Array
     kp: jax.Array
     kd: jax.Array
     noise: jax.Array
     gate: jax.Array
-
-    @classmethod
-    def from_table(cls, values, context):
-        names = ("period_s", "kp", "kd", "noise_rad_s", "gate")
-        return cls(context.model, *(jnp.asarray(values[name]) for name in names))
 
     def init(self, state):
         zero = jnp.zeros(3)
@@ -163,7 +142,7 @@ class Observing(AbstractSampledController):
         lost = jnp.trace(covariance) > 1.0
         covariance = jnp.where(lost, 1e-4 * jnp.eye(3), covariance)
         relative = rate - (state.omega - self.model.relative_rate(state))
-        torque = -self.kp * _error(state) - self.kd * relative - disturbance
+        torque = -self.kp * attitude_error(state) - self.kd * relative - disturbance
         torque = jnp.clip(torque, -2.0, 2.0)
         made = ObserverMemory(rate, disturbance, covariance, torque, rejected, jnp.array(True))
         return torque, made

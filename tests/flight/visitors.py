@@ -7,16 +7,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxsat import AbstractSampledController, LawDeclaration, RigidBody
+from jaxsat import LawDeclaration
 from jaxsat.core.declaration import choice, number, switch
-
-PERIOD = number("period_s", "Time between samples", "s", above=0, default=0.25)
-
-
-def _error(state):
-    """The vector part of the quaternion, the shorter way round."""
-    q = state.attitude.as_quaternion().q
-    return jnp.where(q[0] < 0, -1.0, 1.0) * q[1:]
+from tests.flight.law_frame import PERIOD, AbstractVisitor, attitude_error
 
 
 class Regime(enum.IntEnum):
@@ -35,7 +28,7 @@ class ScheduleMemory(NamedTuple):
     integral: jax.Array
 
 
-class ScheduledPD(AbstractSampledController):
+class ScheduledPD(AbstractVisitor):
     """PD with gains of a table over the error, and another law in each of three regimes."""
 
     declaration = LawDeclaration(
@@ -51,8 +44,6 @@ class ScheduledPD(AbstractSampledController):
     )
     modes: ClassVar[type[enum.IntEnum]] = Regime
 
-    model: RigidBody
-    period: jax.Array
     kp: jax.Array
     kd: jax.Array
     ki: jax.Array
@@ -62,10 +53,9 @@ class ScheduledPD(AbstractSampledController):
 
     @classmethod
     def from_table(cls, values, context):
-        numbers = (jnp.asarray(values[name]) for name in ("period_s", "kp", "kd", "ki"))
         errors = jnp.array([0.0, 0.02, 0.1, 0.3, 0.6, 1.0])
         scales = jnp.array([[2.0, 1.5, 1.2, 1.0, 0.8, 0.5], [1.0, 1.1, 1.2, 1.3, 1.5, 2.0]])
-        return cls(context.model, *numbers, errors, scales, values["table"] == "linear")
+        return cls(context.model, *cls.numbers(values), errors, scales, values["table"] == "linear")
 
     def init(self, state):
         return ScheduleMemory(jnp.array(Regime.FAR), jnp.array(0), jnp.zeros(3))
@@ -77,7 +67,7 @@ class ScheduledPD(AbstractSampledController):
         return {"integral": memory.integral}
 
     def step(self, t, state, memory):
-        error = _error(state)
+        error = attitude_error(state)
         rate = self.model.relative_rate(state)
         size = jnp.linalg.norm(error)
         if self.linear:
@@ -118,7 +108,7 @@ class SlidingMemory(NamedTuple):
     quiet: jax.Array
 
 
-class SlidingMode(AbstractSampledController):
+class SlidingMode(AbstractVisitor):
     """Sliding mode, whose boundary layer a bounded search widens until the torque is allowed."""
 
     declaration = LawDeclaration(
@@ -133,8 +123,6 @@ class SlidingMode(AbstractSampledController):
         torques=3,
     )
 
-    model: RigidBody
-    period: jax.Array
     slope: jax.Array
     gain: jax.Array
     most: jax.Array
@@ -142,15 +130,14 @@ class SlidingMode(AbstractSampledController):
 
     @classmethod
     def from_table(cls, values, context):
-        numbers = (jnp.asarray(values[name]) for name in ("period_s", "slope", "gain", "most"))
-        return cls(context.model, *numbers, values["adaptive"])
+        return cls(context.model, *cls.numbers(values), values["adaptive"])
 
     def init(self, state):
         zero = jnp.zeros(3, int)
         return SlidingMemory(jnp.full(3, 0.02), zero, zero, jnp.array(0))
 
     def step(self, t, state, memory):
-        error = _error(state)
+        error = attitude_error(state)
         rate = self.model.relative_rate(state)
         surface = rate + 2 * self.slope * error
         inertia = self.model.spacecraft.inertia
@@ -194,7 +181,7 @@ class FilterMemory(NamedTuple):
     place: jax.Array
 
 
-class Notched(AbstractSampledController):
+class Notched(AbstractVisitor):
     """PD behind a cascade of second-order filters, and a median of the last rates."""
 
     declaration = LawDeclaration(
@@ -208,16 +195,9 @@ class Notched(AbstractSampledController):
         torques=3,
     )
 
-    model: RigidBody
-    period: jax.Array
     kp: jax.Array
     kd: jax.Array
     notch: jax.Array
-
-    @classmethod
-    def from_table(cls, values, context):
-        numbers = (jnp.asarray(values[name]) for name in ("period_s", "kp", "kd", "notch_rad_s"))
-        return cls(context.model, *numbers)
 
     def init(self, state):
         return FilterMemory(jnp.zeros((3, 2, 3)), jnp.zeros((5, 3)), jnp.array(0))
@@ -228,7 +208,7 @@ class Notched(AbstractSampledController):
         median = jnp.sort(window, axis=0)[2]
         filled = memory.place >= 4
         rate = jnp.where(filled & (jnp.abs(rate - median) > 0.05), median, rate)
-        raw = -self.kp * _error(state) - self.kd * rate
+        raw = -self.kp * attitude_error(state) - self.kd * rate
         centres = self.notch * jnp.array([1.0, 1.7, 2.6])
 
         def section(signal, given):
