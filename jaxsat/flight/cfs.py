@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from jaxsat.compiler.c.naming import comment
-from jaxsat.flight.guard import real_type
+from jaxsat.flight.guard import first_attitude, real_type
 from jaxsat.flight.guard_source import default_limits
 from jaxsat.flight.interface import Row
 from jaxsat.flight.messages import Item, commanded, measured, words_of_modes
@@ -40,10 +40,8 @@ def cfs_app(
     `rows` are those of the interface control document, `hold_samples` the guard's default.
     """
     inputs, outputs = measured(rows), commanded(rows)
-    begin = (
-        f"  static const {real_type(program)} attitude[4] = {{0}}; "
-        "/* begin with the first measured one */\n\n"
-    )
+    numbers, words = first_attitude(program)
+    begin = f"  static const {real_type(program)} attitude[4] = {numbers}; /* {words} */\n\n"
     values = {
         "PERIOD": f"{float(np.asarray(program.period)):.9g}",
         "PROGRAM": program.hash[:12],

@@ -8,7 +8,7 @@ import ctypes
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -24,7 +24,7 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.core.errors import LibraryError
 from jaxsat.core.once import once
 from jaxsat.flight.calls import unpacked
-from jaxsat.flight.flight import CannotExport, FlightController, Measured, Seen
+from jaxsat.flight.flight import VECTORS, CannotExport, FlightController, Seen, measured_by
 from jaxsat.flight.harness import ABI
 from jaxsat.flight.program import FlightProgram, flight_program, is_parameter
 from jaxsat.flight.reference import rows_of
@@ -185,9 +185,10 @@ class ExternalEstimator(AbstractEstimator):
         momentum = self.library.program.now.measured.wheel_momentum
         if momentum is not None:  # which the estimator does not use, and `ExternalLaw` receives
             momentum = jnp.zeros(momentum.shape)
-        attitude, rate = cast(Quaternion, measurement.attitude), measurement.rate
-        measured = Measured(rate, attitude.q, cast(Array, measurement.seen), momentum)
-        law_input = Seen(attitude, rate, momentum)
+        like, rate = self.library.program.now.measured, measurement.rate
+        vectors = [name for name in VECTORS if getattr(like, name) is not None]
+        measured = measured_by(measurement, vectors, momentum)
+        law_input = Seen(Quaternion(jnp.zeros(4, rate.dtype)), rate, momentum)
         call = _Call(self.library, "estimate")
         law_input, memory = jax.pure_callback(
             call, (law_input, memory), arrays, sample, measured, memory, vmap_method="broadcast_all"
@@ -226,7 +227,8 @@ class _Call:
             outputs: Any = output_rows[:, : first.size].reshape(*sample.shape, -1)
             outputs = outputs.astype(jax.dtypes.canonicalize_dtype(float))
         else:
-            like = Seen(Quaternion(inputs.attitude), inputs.rate, inputs.wheel_momentum)
+            q = np.zeros((*inputs.rate.shape[:-1], 4), inputs.rate.dtype)
+            like = Seen(Quaternion(q), inputs.rate, inputs.wheel_momentum)
             outputs = unpacked(output_rows, like, sample.shape)
         return outputs, unpacked(after[:, place], memory, sample.shape)
 

@@ -19,7 +19,7 @@ from jaxsat.flight.flight import CannotExport, FlightController, flight_loop
 from jaxsat.flight.fmu import UNIT, unit_file, unit_sources
 from jaxsat.flight.fprime import fprime_component
 from jaxsat.flight.function_calls import function_calls
-from jaxsat.flight.guard import groups, guard_header, real_type
+from jaxsat.flight.guard import first_attitude, groups, guard_header, real_type
 from jaxsat.flight.guard_source import guard_source
 from jaxsat.flight.harness import (
     MAGIC_OF_CALLS,
@@ -218,8 +218,8 @@ def freertos_task(program: FlightProgram) -> str:
 
     Its period is the law's in whole milliseconds.
     """
-    period, real = float(np.asarray(program.period)), real_type(program)
-    begin = f"  const {real} attitude[4] = {{0}}; /* begin with the first that is measured */\n"
+    period, (numbers, words) = float(np.asarray(program.period)), first_attitude(program)
+    begin = f"  const {real_type(program)} attitude[4] = {numbers}; /* {words} */\n"
     return template(
         "freertos_task.c",
         PERIOD=f"{period:.9g}",

@@ -20,13 +20,17 @@ from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.distribution import AbstractDistribution
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import AbstractEffector
-from jaxsat.spacecraft.wheels import WheelMomenta
+from jaxsat.spacecraft.vector_sensors import Observation
+from jaxsat.spacecraft.wheels import WheelMomenta, wheel_momentum
 
 UNITS = {
     "attitude": "1",
     "omega": "rad/s",
     "rate": "rad/s",
     "wheel_momentum": "N m s",
+    "magnetometer": "T",
+    "sun_sensor": "1",
+    "horizon_sensor": "1",
     "torque": "N m",
     "thrust": "N m",
     "wheel_torque": "N m",
@@ -140,11 +144,6 @@ class FlightController(eqx.Module):
         navigation = loop.navigation
         if navigation is None:
             return FlightController(*parts)
-        for one in navigation.vectors:
-            raise CannotExport(
-                f"{one.name.replace(' ', '_')}: must be left out of what becomes flight code, "
-                f"which takes in attitudes of a star tracker alone, got a {one.name}"
-            )
         return FlightController(*parts, navigation.estimator, navigation.attitude_sigma)
 
     def sample(self, now: Input, state: State) -> tuple[SampleCommands, State]:
@@ -168,8 +167,9 @@ class FlightController(eqx.Module):
         """Return the input of the law, and the estimator's memory."""
         assert self.estimator is not None
         measured = now.measured
-        measurement = Measurement(measured.rate, Quaternion(measured.attitude), measured.seen)
-        estimate, memory = self.estimator.step(now.sample, self.law.period, measurement, memory)
+        estimate, memory = self.estimator.step(
+            now.sample, self.law.period, measured.measurement(), memory
+        )
         return Seen(estimate.attitude, estimate.omega, measured.wheel_momentum), memory
 
     def control(
@@ -219,13 +219,51 @@ class Measured(NamedTuple):
 
     `rate` is that of the gyro (rad/s), `attitude` the last one from the star tracker (unit
     quaternion, scalar first, relative to the orbit frame), `seen` whether one has arrived. With
-    wheels, `wheel_momentum` is the momentum of each by its tachometer (N m s).
+    wheels, `wheel_momentum` is the momentum of each by its tachometer (N m s). A magnetometer, a
+    Sun sensor and a horizon sensor have the vector that was `measured` in body axes, the
+    `reference` in the orbit frame at that time (T, or unit vectors), and whether both have arrived.
     """
 
     rate: Vector
-    attitude: Float[Array, "4"]
-    seen: Array
+    attitude: Float[Array, "4"] | None
+    seen: Array | None
     wheel_momentum: Float[Array, " wheels"] | None = None
+    magnetometer: Observation | None = None
+    sun_sensor: Observation | None = None
+    horizon_sensor: Observation | None = None
+
+    def measurement(self) -> Measurement:
+        """Return what an estimator is given."""
+        attitude = None if self.attitude is None else Quaternion(self.attitude)
+        vectors = tuple(one for name in VECTORS if (one := getattr(self, name)) is not None)
+        return Measurement(self.rate, attitude, self.seen, vectors)
+
+
+VECTORS = ("magnetometer", "sun_sensor", "horizon_sensor")
+"""Measurements of vectors, in the order of an estimator's."""
+
+
+def measured_by(
+    measurement: Measurement, vectors: Sequence[str], wheel_momentum: Array | None
+) -> Measured:
+    """Return measurements as the input of a sample; `vectors` names those of vectors."""
+    attitude = None if measurement.attitude is None else measurement.attitude.q
+    named = dict(zip(vectors, measurement.vectors, strict=True))
+    return Measured(measurement.rate, attitude, measurement.seen, wheel_momentum, **named)
+
+
+def vectors_of(loop: SampledLoop) -> list[str]:
+    """Return the names of a loop's measurements of vectors."""
+    sensors = () if loop.navigation is None else loop.navigation.vectors
+    return [one.name.replace(" ", "_") for one in sensors]
+
+
+def measured_example(loop: object, start: PlantState) -> Seen | Measured:
+    """Return measurements with the shapes of a loop's, those of `start` without an estimator."""
+    momentum = wheel_momentum(start)
+    if not isinstance(loop, SampledLoop) or loop.navigation is None:
+        return Seen(start.attitude, start.omega, momentum)
+    return measured_by(loop.navigation.example(), vectors_of(loop), momentum)
 
 
 def as_type(tree: PyTree, dtype: Any) -> PyTree:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from jaxsat.compiler.c.naming import ascii_text
-from jaxsat.flight.guard import real_type
+from jaxsat.flight.guard import first_attitude, real_type
 from jaxsat.flight.interface import Parameter, Row
 from jaxsat.flight.messages import Item, commanded, measured, tuned, words_of_modes
 from jaxsat.flight.program import FlightProgram
@@ -46,7 +46,8 @@ def fprime_component(
     parameters = tuned(rows, of_parameters, hold_samples)
     items = [*inputs, *outputs, *(item for item, _ in parameters)]
     arrays = {_type(item): item for item in items if item.shape}
-    begin = f"    static const {real} attitude[4] = {{0}}; // begin with the first measured one\n\n"
+    numbers, words = first_attitude(program)
+    begin = f"    static const {real} attitude[4] = {numbers}; // {words}\n\n"
     values = {
         "PERIOD": f"{float(np.asarray(program.period)):.9g}",
         "MODES": ascii_text(words_of_modes(program)),

@@ -8,8 +8,10 @@ without a step are those of `jaxsat.control.sampled.Guard` in simulation.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from jaxsat.compiler.c.expressions import literal
 from jaxsat.compiler.c.layout import Field
 from jaxsat.compiler.c.naming import comment
+from jaxsat.flight.flight import VECTORS
 from jaxsat.flight.program import FlightProgram
 from jaxsat.flight.templates import template
 
@@ -33,10 +35,14 @@ FIRST_EVENT = 8
 
 @dataclass(frozen=True)
 class Group:
-    """Fields of one measurement, which are valid or invalid together."""
+    """Fields of one measurement, which are valid or invalid together.
+
+    `seen` is the field that tells whether there is a new one, None for what is always measured.
+    """
 
     name: str
     fields: tuple[Field, ...]
+    seen: str | None = None
 
     @property
     def bit(self) -> str:
@@ -45,18 +51,26 @@ class Group:
 
 
 def groups(program: FlightProgram) -> list[Group]:
-    """Return the measurements of an input, without `seen`, which marks a new attitude."""
+    """Return the measurements of an input."""
     fields_of_name: dict[str, list[Field]] = {}
+    seen: dict[str, str] = {}
     for field in program.structs["input"].fields:
         name = field.path.split(".")[0]
-        if name not in ("sample", "seen"):
+        if field.path.split(".")[-1] == "seen":
+            seen["attitude" if name == "seen" else name] = field.name
+        elif name != "sample":
             fields_of_name.setdefault(name, []).append(field)
-    return [Group(name, tuple(fields)) for name, fields in fields_of_name.items()]
+    return [Group(name, tuple(fields), seen.get(name)) for name, fields in fields_of_name.items()]
 
 
 def is_quaternion(field: Field) -> bool:
     """Whether a field of an input is a unit quaternion."""
     return field.path in ("attitude", "attitude.q") and field.shape == (4,)
+
+
+def is_vector(field: Field) -> bool:
+    """Whether a field of an input is a vector with a direction: measured, or its reference."""
+    return field.path.split(".")[0] in VECTORS
 
 
 def is_rate(field: Field) -> bool:
@@ -84,8 +98,7 @@ def guard_header(program: FlightProgram, intro: Sequence[str]) -> str:
     )
     attitude = comment(
         "attitude is the first estimate (unit quaternion, scalar first, relative to the orbit "
-        "frame). If it is not valid, the controller begins with the first valid measurement of "
-        "the attitude."
+        f"frame). If it is not valid, the controller {_without_estimate(program)}."
     )
     text = template(
         "controller_guard.h",
@@ -98,6 +111,29 @@ def guard_header(program: FlightProgram, intro: Sequence[str]) -> str:
         STEP="\n".join(step_head(";")),
     )
     return "\n".join([*intro, text])
+
+
+def _without_estimate(program: FlightProgram) -> str:
+    """Return what a controller does without a valid first estimate of the attitude."""
+    if has_tracker(program):
+        return "begins with the first valid measurement of the attitude"
+    return "does not begin"
+
+
+def has_tracker(program: FlightProgram) -> bool:
+    """Whether attitudes are measured."""
+    return any(group.name == "attitude" for group in groups(program))
+
+
+def first_attitude(program: FlightProgram) -> tuple[str, str]:
+    """Return the numbers of a first estimate of the attitude, and what they are.
+
+    Without a star tracker it is the attitude of the scenario's start.
+    """
+    if has_tracker(program):
+        return "{0}", "begin with the first that is measured"
+    numbers = ", ".join(literal(x).text for x in program.attitude)
+    return f"{{{numbers}}}", "the attitude of the scenario's start"
 
 
 def real_type(program: FlightProgram) -> str:

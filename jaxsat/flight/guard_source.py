@@ -9,9 +9,11 @@ from jaxsat.flight.guard import (
     RATE_LIMIT,
     Group,
     groups,
+    has_tracker,
     init_head,
     is_quaternion,
     is_rate,
+    is_vector,
     real_type,
     step_head,
 )
@@ -27,7 +29,7 @@ def guard_source(
     lines += ["#include <math.h>", "#include <string.h>", ""]
     lines += ["const controller_guard_parameters controller_default_guard_parameters = {"]
     lines += [*default_limits(program, hold_samples), "};", ""]
-    lines += _unit_quaternion(program)
+    lines += [*_unit_quaternion(program), *_direction(program)]
     for group in groups(program):
         lines += _judge(program, group)
     lines += _check(program, "is_usable_output", "output", "isfinite({})")
@@ -114,7 +116,8 @@ def _zero_commands(program: FlightProgram) -> list[str]:
 
 
 def _unit_quaternion(program: FlightProgram) -> list[str]:
-    if not any(is_quaternion(field) for group in groups(program) for field in group.fields):
+    quaternions = (is_quaternion(field) for group in groups(program) for field in group.fields)
+    if not program.estimates and not any(quaternions):
         return []
     real, suffix = real_type(program), "f" if program.single else ""
     return [
@@ -123,6 +126,22 @@ def _unit_quaternion(program: FlightProgram) -> list[str]:
         f"  const {real} square = (q[0] * q[0]) + (q[1] * q[1]) + (q[2] * q[2]) + (q[3] * q[3]);",
         "",
         f"  return fabs{suffix}(square - 1.0{suffix}) <= tolerance; /* false if not a number */",
+        "}",
+        "",
+    ]
+
+
+def _direction(program: FlightProgram) -> list[str]:
+    """Return the function that checks a measured vector, for a program that has one."""
+    if not any(is_vector(field) for group in groups(program) for field in group.fields):
+        return []
+    real, zero = real_type(program), "0.0f" if program.single else "0.0"
+    return [
+        f"static bool has_direction(const {real} x[3])",
+        "{",
+        f"  const {real} square = (x[0] * x[0]) + (x[1] * x[1]) + (x[2] * x[2]);",
+        "",
+        f"  return (square > {zero}) && isfinite(square);",
         "}",
         "",
     ]
@@ -144,6 +163,9 @@ def _judge(program: FlightProgram, group: Group) -> list[str]:
         if is_quaternion(field):
             lines.append(f"  valid = valid && is_unit({place}, limits->norm_tolerance);")
             continue
+        if is_vector(field):
+            lines.append(f"  valid = valid && has_direction({place});")
+            continue
         # false for what is not a number
         rate = f"fabs{suffix}({{}}) <= limits->rate_limit"
         condition = rate if is_rate(field) else "isfinite({})"
@@ -164,13 +186,12 @@ def _begin(program: FlightProgram) -> list[str]:
 
 def _step(program: FlightProgram) -> str:
     """Return the guarded step, after its helper functions."""
-    estimates = program.estimates
-    is_vital = {group: not (estimates and group.name == "attitude") for group in groups(program)}
+    estimates, every = program.estimates, groups(program)
     judgements = [
-        f"  if ({'' if vital else 'in->seen && '}"
+        f"  if ({f'in->{group.seen} && ' if group.seen else ''}"
         f"!(valid->{group.name} && is_valid_{group.name}(in, limits))) {{\n"
         f"    status |= {group.bit};\n  }}"
-        for group, vital in is_vital.items()
+        for group in every
     ]
     init = "controller_init(p, &checked, &after);"
     begins = "steps = has_begun(p, limits, guard, &checked, &after);"
@@ -179,10 +200,41 @@ def _step(program: FlightProgram) -> str:
     return template(
         "guard_step.c",
         JUDGEMENTS="\n".join(judgements),
-        ESTIMATOR=template("guard_estimator.c") * estimates,
+        ESTIMATOR=_estimator(program) * estimates,
         HEAD="\n".join(step_head("")),
-        VITAL=" | ".join(group.bit for group, vital in is_vital.items() if vital),
+        VITAL=" | ".join(group.bit for group in every if group.seen is None),
         SUBSTITUTE=substitute * estimates,
         BEGIN=begins if estimates else init,
         COAST=coast * estimates,
     )
+
+
+MEASURED_ATTITUDE = """\
+  if (!is_unit(guard->attitude, limits->norm_tolerance) && checked->seen) {
+    (void)memcpy(guard->attitude, checked->attitude, sizeof(guard->attitude));
+  }
+"""
+
+
+def _estimator(program: FlightProgram) -> str:
+    """Return the functions of the guard of an estimator."""
+    return template(
+        "guard_estimator.c",
+        MISSING="\n".join(_missing(program, group) for group in groups(program) if group.seen),
+        MEASURED=MEASURED_ATTITUDE * has_tracker(program),
+    )
+
+
+def _missing(program: FlightProgram, group: Group) -> str:
+    """Return the statement that makes an invalid measurement one that is missing."""
+    lines = [f"  if (!is_valid_{group.name}(in, limits) || !valid->{group.name}) {{"]
+    lines.append(f"    checked->{group.seen} = false; /* as in an outage of the sensor */")
+    one, zero = ("1.0f", "0.0f") if program.single else ("1.0", "0.0")
+    for field in group.fields:
+        place = f"checked->{field.name}"
+        if is_vector(field):
+            numbers = enumerate((one, zero, zero))
+            lines += [f"    {place}[{i}] = {number};" for i, number in numbers]
+        else:
+            lines.append(f"    (void)memcpy({place}, guard->attitude, sizeof(guard->attitude));")
+    return "\n".join([*lines, "  }"])

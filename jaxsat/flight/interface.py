@@ -20,6 +20,7 @@ from jaxsat.flight.guard import (
     groups,
     is_quaternion,
     is_rate,
+    is_vector,
     real_type,
     status_bits,
 )
@@ -170,6 +171,8 @@ def _row(structure: str, field: Field, unit: str, span: str, validity: str, rate
 
 
 def _unit(field: Field) -> str:
+    if field.dtype.kind == "b":
+        return ""
     return UNITS.get(field.path.split(".")[0], "")
 
 
@@ -181,6 +184,8 @@ def _judged(field: Field) -> tuple[str, str]:
         return f"{-RATE_LIMIT:g} to {RATE_LIMIT:g}", "within the range"
     if field.dtype.kind == "b":
         return "false, true", "always"
+    if is_vector(field):
+        return "finite", "finite, not zero"
     if field.path == "sample":
         return "any", "later than the last one; may wrap around"
     return "finite", "finite"

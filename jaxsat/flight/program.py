@@ -19,11 +19,11 @@ from jaxsat.core.fingerprint import fingerprint
 from jaxsat.flight.flight import (
     FlightController,
     Input,
-    Measured,
     SampleCommands,
     Seen,
     State,
     as_type,
+    measured_example,
 )
 from jaxsat.flight.whole_numbers import Macros, named, narrowed
 from jaxsat.spacecraft.dynamics import PlantState
@@ -79,7 +79,8 @@ class FlightProgram:
     the estimator's part of a step; `parameters` are the arrays of the structure, `now` and `begun`
     an input and a state for their shapes. These count samples from the first on; the structures
     have them from any number on, and the state has the first. `order` is the index of the parameter
-    of each array of `FlightController`, and `macros` has the names of the numbers of enumerations.
+    of each array of `FlightController`, `macros` has the names of the numbers of enumerations, and
+    `attitude` is the quaternion of the scenario's start.
     Once written, `calls` has the C call of each stage, `functions` the elementary functions by
     their C names, `origins` the Python functions of C functions, and `wholes` the function that
     each part belongs to.
@@ -101,6 +102,7 @@ class FlightProgram:
     begun: State
     period: Any
     order: list[int]
+    attitude: np.ndarray
     calls: dict[str, str] = field(default_factory=dict)
     functions: dict[str, Function] = field(default_factory=dict)
     origins: dict[str, list[Source]] = field(default_factory=dict)
@@ -129,10 +131,9 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
 
     start = as_type(start, dtype)
     estimates = flight.estimator is not None
-    momentum = wheel_momentum(start)
-    law_input = Seen(start.attitude, start.omega, momentum)
+    law_input = Seen(start.attitude, start.omega, wheel_momentum(start))
     q = start.attitude.as_quaternion().q
-    measured = Measured(law_input.omega, q, jnp.array(True), momentum) if estimates else law_input
+    measured = as_type(measured_example(loop, start), dtype)
     now = Input(jnp.zeros((), np.int32), measured)
     begun: Any = State(
         jax.eval_shape(lambda p: controller(p).begin_law(law_input), defaults),
@@ -163,6 +164,7 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
         begun,
         flight.law.period,
         order,
+        np.asarray(q),
     )
 
 

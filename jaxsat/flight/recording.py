@@ -5,6 +5,7 @@ from jaxtyping import Float
 
 from jaxsat.core.text import csv_text
 from jaxsat.flight.calls import trees_of
+from jaxsat.flight.guard import first_attitude, has_tracker, real_type
 from jaxsat.flight.program import FlightProgram
 from jaxsat.flight.reference import Reference
 from jaxsat.flight.templates import template
@@ -22,7 +23,10 @@ def recorded_flight(reference: Reference, inputs: Float[np.ndarray, "samples inp
     structs = program.structs
     none = np.zeros((1, structs["state"].size))
     first = trees_of(program, inputs[:1], none)[0]
-    attitude = first.measured.attitude if program.estimates else np.zeros((1, 0))
+    attitude = np.zeros((1, 0))
+    if program.estimates:
+        measured = first.measured.attitude if has_tracker(program) else program.attitude
+        attitude = np.asarray(measured, float).reshape(1, 4)
     state, rows = reference.begin(attitude, first), []
     for row in inputs:
         now, before = trees_of(program, row[None], state)
@@ -62,5 +66,10 @@ def rounding(program: FlightProgram, recording: Recording) -> float:
 
 def recording_program(program: FlightProgram) -> str:
     """Return run_controller.c, which flies a recording on a host."""
-    field = next((x.name for x in program.structs["input"].fields if x.path == "attitude"), "")
-    return template("run_controller.c", ATTITUDE=f"in.{field}, " * program.estimates)
+    if not program.estimates:
+        return template("run_controller.c", ATTITUDE="")
+    attitude = f"(const {real_type(program)}[4]){first_attitude(program)[0]}"
+    if has_tracker(program):
+        fields = program.structs["input"].fields
+        attitude = f"in.{next(one.name for one in fields if one.path == 'attitude')}"
+    return template("run_controller.c", ATTITUDE=f"{attitude}, ")

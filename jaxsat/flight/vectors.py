@@ -16,7 +16,7 @@ from jaxsat.core.array_types import IntScalar, RealScalar
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.solvers import NamedSolver
 from jaxsat.core.trees import choose
-from jaxsat.flight.flight import Input, Measured, Seen, State, modulator_of
+from jaxsat.flight.flight import Input, Seen, State, measured_by, modulator_of, vectors_of
 from jaxsat.flight.program import FlightProgram
 from jaxsat.flight.reference import Reference, rows_of
 from jaxsat.simulation.engine.runge_kutta import explicit_step, tableau_of
@@ -66,12 +66,15 @@ class _RecordingLaw(AbstractSampledController):
 
 
 class _RecordingEstimator(AbstractEstimator):
-    """An estimator that also records its last measurement."""
+    """An estimator that also records its last measurement, first an `example`, which has the
+    attitude that the estimator begins with."""
 
     estimator: AbstractEstimator
+    example: Measurement
 
     def init(self, attitude: Quaternion, sigma: Array) -> _Record:
-        first = Measurement(jnp.zeros_like(attitude.q[:3]), attitude, jnp.array(False))
+        begun = None if self.example.attitude is None else attitude
+        first = self.example._replace(attitude=begun)
         return _Record(self.estimator.init(attitude, sigma), first)
 
     def step(self, sample, period, measurement, memory) -> tuple[Estimate, _Record]:
@@ -118,7 +121,13 @@ def with_law(
 
 def _recording(loop: SampledLoop) -> SampledLoop:
     law = _RecordingLaw(law=loop.controller, period=loop.controller.period)
-    return with_law(loop, law, _RecordingEstimator)
+    navigation = loop.navigation
+
+    def recording(one: AbstractEstimator) -> _RecordingEstimator:
+        assert navigation is not None
+        return _RecordingEstimator(one, navigation.example())
+
+    return with_law(loop, law, recording)
 
 
 def _closed_loops(
@@ -208,8 +217,8 @@ def _observation(loop: SampledLoop, number, before: Any, following: Any) -> tupl
     state = State(before.memory.memory, None, modulator_of(loop.plant.effectors, before.effectors))
     measured: Any = Seen(plant_state.attitude, plant_state.omega, wheel_momentum(plant_state))
     if before.navigation is not None:
-        rate, attitude, has_attitude, _ = following.navigation.memory.last_input
-        measured = Measured(rate, attitude.q, has_attitude, wheel_momentum(plant_state))
+        measurement = following.navigation.memory.last_input
+        measured = measured_by(measurement, vectors_of(loop), wheel_momentum(plant_state))
         state = state._replace(estimator=before.navigation.memory.memory)
     return Input(jnp.asarray(number, jnp.int32), measured), state
 

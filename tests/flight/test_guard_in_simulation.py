@@ -164,6 +164,58 @@ def test_the_law_makes_no_step_in_an_outage_of_a_tachometer(tmp_path):
     assert zero.tolist() == [*range(12, 15), *range(32, 50)]
 
 
+VECTORS = [
+    "orbit.inclination_deg=97",
+    "magnetometer={noise_T=1e-7, outage_start_s=1.1, outage_s=1.5}",
+    "sun_sensor={noise_rad=1e-3, outage_start_s=2.1, outage_s=1.2}",
+]
+
+
+@needs("gcc")
+@pytest.mark.slow
+@pytest.mark.parametrize("tracker", [True, False])
+def test_invalid_vectors_are_missing_ones_to_the_bit(tmp_path, tracker):
+    """A magnetometer with numbers that are none or flagged, and a Sun sensor without a direction,
+    beside a star tracker and without one."""
+    sensors = [OUTAGES[0], *([OUTAGES[1]] if tracker else []), *VECTORS]
+    run: Any = build(load("switching", [*sensors, f"sampling.hold_samples={HELD}"]))
+    period = float(np.asarray(run.loop.controller.period))
+    states, observed = _flown(run, round(5 / period))
+    guarded = Guarded(tmp_path, run.loop, run.start)
+    places = {name: guarded.places(name) for name in ("rate", "magnetometer", "sun_sensor")}
+    *field, field_seen = places["magnetometer"]
+    *sun, sun_seen = places["sun_sensor"]
+    guarded.begin(0, HELD, attitude=_first_estimate(states[0]))
+    told = []
+    for number, (now, _) in enumerate(observed):
+        row, flagged, t = _row(now), frozenset[str](), number * period
+        if 1.9 <= t < 3.9:
+            row[places["rate"]] = np.nan
+        if 1.1 <= t < 2.6:
+            assert not row[field_seen]
+            row[field_seen] = 1.0
+            if number % 3 == 0:
+                flagged = frozenset(["magnetometer"])
+            row[field[number % 3]] = [0.0, np.nan, np.inf][number % 3]
+        if 2.1 <= t < 3.3:
+            assert not row[sun_seen]
+            row[sun_seen] = 1.0
+            row[sun[:3] if number % 2 else sun[3:]] = 0.0
+        status, _, state = guarded.step(0, row, flagged)
+        told.append(status)
+        if number + 1 < len(observed):
+            np.testing.assert_array_equal(state[:-1], _row(observed[number + 1][1]))
+    for name, (begin, end) in {"MAGNETOMETER": (1.1, 2.6), "SUN_SENSOR": (2.1, 3.3)}.items():
+        wrong = np.flatnonzero(np.array(told) & guarded.bits[f"INVALID_{name}"]) * period
+        assert len(wrong) == round((end - begin) / period)
+        assert begin - 1e-9 <= wrong[0] < wrong[-1] < end
+
+
+def _first_estimate(state) -> np.ndarray:
+    """The quaternion that the estimator begins with."""
+    return np.asarray(state.navigation.memory.memory.belief.q)[0]
+
+
 def _asked(state) -> dict[str, np.ndarray]:
     """The torque of the last period, or its pulses, by the names of commands."""
     (use,), (memory,) = state.guard.last.uses, state.effectors

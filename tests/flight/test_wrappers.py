@@ -14,7 +14,7 @@ from jaxsat.core.declaration.keys import number
 from jaxsat.flight import vectors
 from jaxsat.flight.cfs import CFS, cfs_app, table_bytes, table_cautions
 from jaxsat.flight.fprime import FPRIME, fprime_component
-from jaxsat.flight.guard import guard_header, status_bits
+from jaxsat.flight.guard import groups, guard_header, status_bits
 from jaxsat.flight.guard_source import guard_source
 from jaxsat.flight.harness import records_header
 from jaxsat.flight.interface import parameters, rows
@@ -43,6 +43,13 @@ def _estimating():
     return run.loop, run.start, scenario.law.declaration.keys
 
 
+def _with_vectors():
+    sensors = ["magnetometer={noise_T=1e-7}", "horizon_sensor={noise_rad=1e-3}"]
+    scenario = load("switching", [SENSORS[0], "orbit.inclination_deg=97", *sensors])
+    run = build(scenario)
+    return run.loop, run.start, scenario.law.declaration.keys
+
+
 def _driver(kind, program, gain, rate) -> str:
     """The program that runs a wrapper; every fifth sample has a rate that is flagged."""
     given = [field for field in program.structs["input"].fields if field.path != "sample"]
@@ -51,11 +58,15 @@ def _driver(kind, program, gain, rate) -> str:
         f"memcpy(&to->{x.name}, &in.{x.name}, sizeof(in.{x.name}));" for x in given
     ]  # the same bytes: a truth value is 0 or 1
     back = [f"memcpy(&sent.{x.name}, &told->{x.name}, sizeof(sent.{x.name}));" for x in told]
-    flags = f"to->valid_{rate} = (samples % 5) != 4; to->valid_attitude = 1u;"
+    others = [group.name for group in groups(program) if group.name != rate]
+    flags = f"to->valid_{rate} = (samples % 5) != 4;"
+    flags += "".join(f" to->valid_{name} = 1u;" for name in others)
     values = {
         "SEND": "\n".join([*copies, flags]),
         "TOLD": "\n".join(back),
-        "VALID": f".{rate} = ((samples - 1) % 5) != 4, .attitude = true",
+        "VALID": ", ".join(
+            [f".{rate} = ((samples - 1) % 5) != 4", *(f".{name} = true" for name in others)]
+        ),
         "GAIN": gain,
         "TABLE_BYTES": str(table_bytes(program)),
         "REAL": "float" if program.single else "double",
@@ -118,6 +129,7 @@ def _few_samples():
     [
         (_filtered, "gain", "omega", False),
         pytest.param(_estimating, "k1", "rate", True, marks=pytest.mark.slow),
+        pytest.param(_with_vectors, "k1", "rate", False, marks=pytest.mark.slow),
     ],
 )
 def test_the_app_of_cfs_steps_at_each_wake_up_with_the_bits_of_the_controller(
@@ -136,7 +148,7 @@ def test_the_app_of_cfs_steps_at_each_wake_up_with_the_bits_of_the_controller(
     _run(tmp_path, "gcc", "-std=c99", *STRICT, *SANITIZED, *include, *parts, "-o", "app", "-lm")
     told = _run(tmp_path, tmp_path / "app", "samples")
     bits = _bits(program)
-    without = bits[f"INVALID_{rate.upper()}"] | bits["INVALID_ATTITUDE"]
+    without = sum(bits[group.bit.removeprefix("CONTROLLER_STATUS_")] for group in groups(program))
     held, begun = without | bits["HELD"], without | bits["ZERO"]
     assert told[:4] == [f"subscribed 0x18C{i}" for i in range(4)]
     assert told[4] == f"event 1 2 CONTROLLER: initialized, program {program.hash[:12]}"

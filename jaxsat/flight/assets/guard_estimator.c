@@ -7,10 +7,7 @@ static void substitute(const controller_input *in, const controller_validity *va
   } else {
     (void)memcpy(guard->rate, in->rate, sizeof(guard->rate));
   }
-  if (!is_valid_attitude(in, limits) || !valid->attitude) {
-    checked->seen = false; /* as in an outage of the star tracker */
-    (void)memcpy(checked->attitude, guard->attitude, sizeof(guard->attitude));
-  }
+@MISSING@
 }
 
 static bool has_begun(const controller_parameters *p,
@@ -19,10 +16,7 @@ static bool has_begun(const controller_parameters *p,
 {
   bool begins;
 
-  if (!is_unit(guard->attitude, limits->norm_tolerance) && checked->seen) {
-    (void)memcpy(guard->attitude, checked->attitude, sizeof(guard->attitude));
-  }
-  begins = is_unit(guard->attitude, limits->norm_tolerance);
+@MEASURED@  begins = is_unit(guard->attitude, limits->norm_tolerance);
   if (begins) {
     controller_init(p, guard->attitude, checked, after);
   }

@@ -297,7 +297,7 @@ def main():
     for name in arguments.functions:
         for what, bound in bounds.items():
             try:
-                print(f"{name}: {bound(program.starts[name])} {what} at most")
+                print(f"{name}: {bound(program.code.starts[name])} {what} at most")
             except Unbounded as error:
                 print(f"{name}: no bound of {what}: {error}")
                 program.open.clear()
