@@ -82,7 +82,8 @@ class FlightProgram:
     of each array of `FlightController`, `macros` has the names of the numbers of enumerations, and
     `attitude` is the quaternion of the scenario's start.
     Once written, `calls` has the C call of each stage, `functions` the elementary functions by
-    their C names, `origins` the Python functions of C functions, and `wholes` the function that
+    their C names, `operations` those of numbers that have branches, with the types of operands and
+    result, `origins` the Python functions of C functions, and `wholes` the function that
     each part belongs to.
     """
 
@@ -105,6 +106,7 @@ class FlightProgram:
     attitude: np.ndarray
     calls: dict[str, str] = field(default_factory=dict)
     functions: dict[str, Function] = field(default_factory=dict)
+    operations: dict[str, tuple[str, np.dtype, np.dtype]] = field(default_factory=dict)
     origins: dict[str, list[Source]] = field(default_factory=dict)
     wholes: dict[str, str] = field(default_factory=dict)
 

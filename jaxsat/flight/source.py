@@ -101,7 +101,10 @@ def source(program: FlightProgram, intro: Sequence[str], *, libm: bool) -> str:
         lines += [*program.structs["seen"].declaration(), ""]
     functions = [line for function in unit.functions for line in (*function, "")]
     functions += [*_entry_points(program, calls), ""]
-    return "\n".join([*lines, *unit.used("\n".join(functions)), *functions])
+    text = "\n".join([*lines, *unit.used("\n".join(functions)), *functions])
+    words = set(re.findall(r"\w+", text))
+    program.operations.update((k, x) for k, x in unit.operations.items() if k in words)
+    return text
 
 
 def reads_clock(call: str) -> bool:

@@ -10,7 +10,7 @@ from jaxsat.compiler.c.body import Body
 from jaxsat.compiler.c.contexts import Context, contexts
 from jaxsat.compiler.c.cutting import Text, in_parts, lines_of
 from jaxsat.compiler.c.expressions import Expression, literal
-from jaxsat.compiler.c.helpers import TYPES, count_of, helper, loop_text
+from jaxsat.compiler.c.helpers import DECIDES, TYPES, count_of, helper, loop_text
 from jaxsat.compiler.c.naming import Names, comment, docstring, identifier
 from jaxsat.compiler.c.printer import Printer
 from jaxsat.compiler.c.python_functions import python_function
@@ -29,7 +29,8 @@ LIBM = frozenset((
 class Unit(AbstractUnit):
     """A C file during printing: the static functions and tables that its programs need.
 
-    `of_numbers` are the elementary functions of floats alone, by name; `contexts` are those of the
+    `of_numbers` are the elementary functions of floats alone, by name, and `operations` the helpers
+    that have branches, as operation and types of operands and result; `contexts` are those of the
     functions of the current stage; `types` of the pointers to structures, and `shapes` of their
     arrays. `origins` has the Python functions of each C function, and `wholes` the function that
     each part belongs to.
@@ -42,6 +43,7 @@ class Unit(AbstractUnit):
         self.tables: dict[str, str] = {}
         self.functions: list[list[str]] = []
         self.of_numbers: dict[str, Function] = {}
+        self.operations: dict[str, tuple[str, np.dtype, np.dtype]] = {}
         self.origins: dict[str, list[Source]] = {}
         self.wholes: dict[str, str] = {}
         self.contexts: dict[int, Context] = {}
@@ -61,6 +63,8 @@ class Unit(AbstractUnit):
             for one in needs:
                 self.need(*one)
             self.helpers[full] = text
+            if name in DECIDES:
+                self.operations[full] = (DECIDES[name], dtype, other or dtype)
         return full
 
     def used(self, text: str) -> list[str]:

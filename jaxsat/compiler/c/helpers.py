@@ -48,6 +48,15 @@ _WRAPPED = {
 """Signs and second operands of operations on unsigned numbers."""
 
 
+DECIDES = {
+    "maximum": "max",
+    "minimum": "min",
+    "whole": "convert",
+    "shift_right_arithmetic": "shift_right_arithmetic",
+}
+"""Helpers that have branches, and the operation that each is."""
+
+
 def helper(name: str, dtype: np.dtype, other: np.dtype | None = None) -> tuple[str, str, list]:
     """Return name and text of a helper for operands of a type, and the helpers that it needs.
 

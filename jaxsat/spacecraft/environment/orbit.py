@@ -128,7 +128,7 @@ def place_on_circle(angle: RealScalar, count: int) -> tuple[IntScalar, RealScala
     share of the way from there to the next."""
     place = angle * (count / (2 * np.pi))
     place = place - count * jnp.floor(place / count)
-    low = jnp.minimum(jnp.floor(place), count - 1)
+    low = jnp.clip(jnp.floor(place), 0, count - 1)  # round-off may leave the circle
     return low.astype(int), place - low
 
 
