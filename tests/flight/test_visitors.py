@@ -26,15 +26,17 @@ LAWS = {
     "visitors:Notched": "kp = 0.2\nkd = 1.5",
     "guests:BangBang": "level = 0.02\ndead_band_rad = 0.015",
     "guests:Observing": "kp = 0.3\nkd = 2.0",
+    "newcomers:Tabled": "slope = 0.05\ngain = 0.3",
 }
-"""Laws with tables, a bounded search, filters, switches with hysteresis, and a Kalman filter."""
+"""Laws with tables, a bounded search, filters, switches with hysteresis, a Kalman filter, and a
+bisection."""
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Where the laws are: a module is imported once."""
     place = tmp_path_factory.mktemp("visitors")
-    for name in ("visitors.py", "guests.py"):
+    for name in ("visitors.py", "guests.py", "newcomers.py"):
         shutil.copy(Path(__file__).with_name(name), place)
     return place
 

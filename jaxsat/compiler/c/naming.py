@@ -61,6 +61,9 @@ def identifier(*parts: str) -> str:
     return f"x_{text}" if text[0].isdigit() else text
 
 
+COUNTERS = tuple("ijkmn")
+"""Names of the counters of loops, from the innermost, which nothing else has."""
+
 _LONGEST = 56
 """Largest number of characters of a name: C distinguishes 63, and a number may follow."""
 
@@ -189,7 +192,7 @@ _PRECISION = re.compile(r"(f|l|[fd](16|32|64|128)x?)(?=_r$|$)")
 
 def is_reserved(name: str) -> bool:
     """Whether a name is not allowed for a function, table or variable."""
-    if name in WORDS or name in LIBRARY or _OTHERS.fullmatch(name):
+    if name in COUNTERS or name in WORDS or name in LIBRARY or _OTHERS.fullmatch(name):
         return True
     return _PRECISION.sub("", name) in LIBRARY
 

@@ -11,7 +11,7 @@ from jaxsat.compiler.c.contexts import Context, arrays_in, squeezed
 from jaxsat.compiler.c.cutting import Text
 from jaxsat.compiler.c.expressions import Expression, literal
 from jaxsat.compiler.c.helpers import TYPES
-from jaxsat.compiler.c.naming import Names, name_of
+from jaxsat.compiler.c.naming import COUNTERS, Names, name_of
 from jaxsat.compiler.c.printer import Printer
 from jaxsat.compiler.c.tidying import dimensions
 from jaxsat.compiler.c.unit import POINTERS, AbstractUnit, CallSignature, Record
@@ -143,7 +143,7 @@ def fills(assignments: Sequence[tuple[str, Scalar]], places: Iterable[str]) -> l
             if place.split("[")[0] == array
         ]
         indent, subscript = "  ", ""
-        for letter, size in zip("ijkmn", map(max, zip(*indices, strict=True)), strict=False):
+        for letter, size in zip(COUNTERS, map(max, zip(*indices, strict=True)), strict=False):
             lines.append(
                 f"{indent}for (int32_t {letter} = 0; {letter} < {size + 1}; {letter}++) {{"
             )

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from jaxsat.compiler.c.naming import comment
+from jaxsat.compiler.c.naming import COUNTERS, comment
 
 WIDTH = 92
 """Largest number of characters of an expression in a line."""
@@ -110,8 +110,6 @@ _DECLARED = re.compile(r"( *(?:double|float|bool|u?int\d+_t)) (\w+(?:, \w+)*);")
 
 
 _INDEX = re.compile(r"\[(\d+)\]")
-VARIABLES = "ijkmn"
-"""Variables of loops, from the innermost."""
 
 
 @dataclass
@@ -158,7 +156,7 @@ def _rolled_once(units: list[_Unit]) -> list[_Unit]:
     while place < len(units):
         run = _run(units, place)
         size = len(units[place].lines)
-        if run * size >= size + 2 and run > 2 and units[place].depth < len(VARIABLES):
+        if run * size >= size + 2 and run > 2 and units[place].depth < len(COUNTERS):
             result.append(_loop(units[place : place + run]))
             place += run
         else:
@@ -199,7 +197,7 @@ def _loop(run: list[_Unit]) -> _Unit:
     first, second = _numbers(run[0]), _numbers(run[1])
     moving = [a != b for a, b in zip(first, second, strict=True)]
     begin = first[moving.index(True)]
-    variable = VARIABLES[run[0].depth]
+    variable = COUNTERS[run[0].depth]
     places = iter(range(len(first)))
 
     def index(match: re.Match) -> str:

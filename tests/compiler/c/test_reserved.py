@@ -14,7 +14,8 @@ from tests.flight.laws import loop_of, start
 NAMES = (
     "conj", "llround", "malloc", "int32_t", "j0", "y1", "index", "controller_step", "auto",
     "double", "this", "template", "xor", "isnan", "fabsf", "sub_i32", "maximum_f64", "errno", "now",
-    "atomic_load", "main", "memcpy", "controller_state", "sinf", "control", "begin_law", "next",
+    "atomic_load", "main", "memcpy", "controller_state", "sinf", "control", "begin_law", "next", "i",
+    "k",
 )  # fmt: skip
 
 LAW = """
@@ -95,7 +96,8 @@ def test_no_name_of_c_is_taken(tmp_path, law):
 
 
 @pytest.mark.parametrize(
-    "name", ["lgammaf_r", "sincosf", "uint_fast8_t", "atomic_load", "strlen", "read_controller_x"]
+    "name",
+    ["lgammaf_r", "sincosf", "uint_fast8_t", "atomic_load", "strlen", "read_controller_x", "i"],
 )
 def test_whole_families_are_reserved(name):
     assert is_reserved(name)
