@@ -14,8 +14,8 @@ from tests.flight.laws import loop_of, start
 NAMES = (
     "conj", "llround", "malloc", "int32_t", "j0", "y1", "index", "controller_step", "auto",
     "double", "this", "template", "xor", "isnan", "fabsf", "sub_i32", "maximum_f64", "errno", "now",
-    "atomic_load", "main", "memcpy", "controller_state", "sinf", "control", "begin_law", "next", "i",
-    "k",
+    "atomic_load", "main", "memcpy", "controller_state", "sinf", "control", "begin_law", "next",
+    "i", "k",
 )  # fmt: skip
 
 LAW = """
