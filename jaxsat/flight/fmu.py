@@ -20,7 +20,7 @@ import numpy as np
 
 from jaxsat.compiler.c.naming import ascii_text
 from jaxsat.core.errors import JaxsatError
-from jaxsat.flight.guard import is_quaternion, real_type
+from jaxsat.flight.guard import first_attitude, is_quaternion, is_vector, real_type
 from jaxsat.flight.interface import Parameter, Row
 from jaxsat.flight.measure import HOST, run_tool
 from jaxsat.flight.messages import Item, commanded, measured, tuned, words_of_modes
@@ -84,7 +84,9 @@ def unit_sources(
     numbers = [
         (use, *number) for use, items in parts.items() for one in items for number in _numbers(*one)
     ]
-    begin = f"  static const {real_type(program)} attitude[4] = {{0}};\n\n"
+    numbers_of_attitude, words = first_attitude(program)
+    begin = f"  static const {real_type(program)} attitude[4] = {numbers_of_attitude}; "
+    begin += f"/* {words} */\n\n"
     code = template(
         "fmi/controller_fmi.c",
         PERIOD=repr(_period(program)),
@@ -176,7 +178,8 @@ def _start(program: FlightProgram, item: Item) -> np.ndarray:
     """Return the start of an input: no turn, at rest, and all measurements are there and valid."""
     value = np.full(item.shape, float(item.type == "bool"))
     for field in program.structs["input"].fields:
-        if item.place == ("input", field.name) and is_quaternion(field):
+        is_direction = is_quaternion(field) or (is_vector(field) and field.shape == (3,))
+        if item.place == ("input", field.name) and is_direction:
             value[0] = 1.0
     return value
 
