@@ -11,7 +11,6 @@ import pytest
 
 from jaxsat.control.navigation.estimator import RawMeasurements
 from jaxsat.control.navigation.mekf import MultiplicativeFilter
-from jaxsat.flight.flight import CannotExport, FlightController
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
@@ -204,12 +203,6 @@ def test_a_magnetometer_alone_needs_time(tmp_path):
         loaded(tmp_path, GYRO + MAGNETOMETER, [short])
     loaded(tmp_path, GYRO + MAGNETOMETER, [long])
     loaded(tmp_path, GYRO + MAGNETOMETER + SUN_SENSOR, [short])
-
-
-def test_what_takes_in_vectors_does_not_become_flight_code(tmp_path):
-    run: Any = build(loaded(tmp_path, BOTH + SUN_SENSOR))
-    with pytest.raises(CannotExport, match="sun_sensor: must be left out of what becomes flight"):
-        FlightController.of(run.loop)
 
 
 def test_without_an_estimator_the_law_is_told_what_is_measured(tmp_path):
