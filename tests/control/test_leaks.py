@@ -32,8 +32,13 @@ def fitted(*values: float) -> Fit:
 LIMIT = jnp.array([1.0, 1, 1, 1, 1, 0])
 
 
+@jax.jit
+def found_with(fit: Fit) -> LeakMemory:
+    return leaks().found(fit, LIMIT, LeakMemory.none(6))
+
+
 def test_most_push_is_that_of_a_linear_programme_and_makes_no_torque_in_the_plane():
-    found = leaks().found(fitted(4e-3, -3e-3, 1.0, 0.0), LIMIT, LeakMemory.none(6))
+    found = found_with(fitted(4e-3, -3e-3, 1.0, 0.0))
     about = np.array([4e-3, -3e-3]) @ np.asarray(leaks().basis)[:2]
     np.testing.assert_allclose(PLANE @ np.asarray(found.duty).T, 0, atol=1e-12)
     for way, side in enumerate((1, -1)):
@@ -42,15 +47,15 @@ def test_most_push_is_that_of_a_linear_programme_and_makes_no_torque_in_the_plan
 
 
 def test_leaks_of_one_sign_alone_are_not_paired_with_the_thruster_of_that_sign():
-    found = leaks().found(fitted(4e-3, 3e-3, 1.0, 0.0), LIMIT, LeakMemory.none(6))
+    found = found_with(fitted(4e-3, 3e-3, 1.0, 0.0))
     assert float(found.push[0]) == 0
     np.testing.assert_allclose(found.push[1], 2 * 7e-3 * 5e-3 / 0.6, rtol=1e-6)
-    found = leaks().found(fitted(-4e-3, -3e-3, 1.0, 0.0), LIMIT, LeakMemory.none(6))
+    found = found_with(fitted(-4e-3, -3e-3, 1.0, 0.0))
     np.testing.assert_allclose(found.push[1], 5e-3 / 0.6, rtol=1e-6)
 
 
 def test_a_leak_in_the_noise_is_not_used():
-    found = leaks().found(fitted(5e-4, -5e-4, 1.0, 0.0), LIMIT, LeakMemory.none(6))
+    found = found_with(fitted(5e-4, -5e-4, 1.0, 0.0))
     np.testing.assert_array_equal(found.push, 0)
 
 
@@ -61,7 +66,7 @@ def test_pulses_of_a_combination_make_the_push_that_was_asked_for():
         duty, memory = one.push(fit, jnp.array(1e-6), jnp.zeros(6), LIMIT, jnp.array(0.1), memory)
         return memory, (duty, 0.1 * fit.estimate[8:10] @ (one.basis @ duty)[:2])
 
-    memory = one.found(fit, LIMIT, LeakMemory.none(6))
+    memory = found_with(fit)
     _, (duty, change) = jax.lax.scan(cycle, memory, length=1000)
     assert np.all((np.asarray(duty) == 0) | (np.asarray(duty) >= 0.2 - 1e-9))
     assert float(change.sum()) == pytest.approx(1e-4, rel=0.2)
@@ -71,12 +76,12 @@ def test_a_push_has_what_the_torques_in_the_plane_leave_and_takes_none_of_them()
     """Beside a torque that fills a thruster of the combination nothing is pushed, beside half of
     that the rest, and what the demand still lacks is owed."""
     one, fit, period = leaks(), fitted(4e-3, -3e-3, 1.0, 0.0), jnp.array(0.1)
-    memory = one.found(fit, LIMIT, LeakMemory.none(6))
-    most = float(memory.push[1])
+    memory = found_with(fit)
+    most, push = float(memory.push[1]), jax.jit(lambda *given: one.push(*given))
     place = int(jnp.argmax(memory.duty[1]))
     for own, part in ((1.0, 0.0), (0.5, 0.5), (0.0, 1.0)):
         duty = jnp.zeros(6).at[place].set(own)
-        pushed, after = one.push(fit, memory.push[1], duty, LIMIT, period, memory)
+        pushed, after = push(fit, memory.push[1], duty, LIMIT, period, memory)
         np.testing.assert_allclose(pushed - duty, part * memory.duty[1], atol=1e-12)
         np.testing.assert_allclose(PLANE @ (pushed - duty), 0, atol=1e-12)
         assert float(after.owed) == pytest.approx((1 - part) * most * 0.1, abs=1e-15)

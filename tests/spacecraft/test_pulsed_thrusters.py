@@ -263,8 +263,13 @@ def test_openings_of_a_schmitt_trigger_are_those_of_its_equations():
     duties[[3, 7]], duties[[5, 6]] = 0.0, 1.0
     actuators = PulsedThrusters(thruster_set(np.eye(3)[:, :1]), None, MODULATIONS["pwpf"][0])
     memory, level, valve, count = actuators.init_memory(), 0.0, 0, 0
+
+    @jax.jit
+    def after(duty, memory):
+        return actuators.plan(0.0, duty, memory, jnp.array(PERIOD), None).memory
+
     for duty in duties:
-        memory = actuators.plan(0.0, jnp.array([duty]), memory, jnp.array(PERIOD), None).memory
+        memory = after(jnp.array([duty]), memory)
         for _ in range(1000):
             goal = SCHMITT["gain"] * (duty - valve)
             level += PERIOD / 1000 * (goal - level) / SCHMITT["lag"]
