@@ -69,6 +69,15 @@ def test_the_reference_has_every_public_name_and_no_other():
         assert pkgutil.resolve_name(f"jaxsat.{name}").__doc__
 
 
+def test_the_names_that_the_changelog_gives_for_old_ones_are_there():
+    text = (Path(__file__).parents[1] / "CHANGELOG.md").read_text(encoding="utf-8")
+    rows = re.findall(r"(?m)^\| `.* \| (.+) \|$", text)
+    names = [name for row in rows for name in re.findall(r"`(jaxsat(?:\.\w+)+)", row)]
+    assert "jaxsat.ComparisonSetting" in names
+    for name in names:
+        pkgutil.resolve_name(name)
+
+
 def test_the_examples_of_the_errors_are_right():
     assert doctest.testmod(jaxsat.core.errors) == (0, 4)
 
