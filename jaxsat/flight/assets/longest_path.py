@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The most instructions and stack of functions of a Cortex-M program, whatever they are given.
 
     python3 longest_path.py PROGRAM FUNCTION...

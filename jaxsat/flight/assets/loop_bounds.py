@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The most passes of the loops of a C text."""
 
 import re

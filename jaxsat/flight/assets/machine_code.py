@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The machine code of a linked Cortex-M program, as arm-none-eabi-objdump prints it."""
 
 import re
