@@ -150,7 +150,8 @@ class FaultTolerant(AbstractSampledController):
         self, t: RealScalar, state: PlantState, memory: FaultTolerantMemory
     ) -> tuple[Float[Array, " m"], FaultTolerantMemory]:
         """Return commands and memory with the magnetorquers that work, by their diagnosis."""
-        reading = _reading(state, memory.rods)
+        rods = self.rods if memory.rods is not None else None
+        reading = _reading(state, None if rods is None else rods.torque(memory.rods))
         sample = Sample(t, state, reading, self.healthy)
         kinds = [
             (one, one.able(sample, self._diagnosed(one, reading, before), before))
@@ -452,6 +453,6 @@ def _instead(
     return Instead(flight.flies, jnp.zeros_like(now.commanded) if idle else flight.torques)
 
 
-def _reading(state: PlantState, rods: RodMemory | None = None) -> Reading:
-    """Return the measured rate and wheel momenta, and the mean torque of magnetorquers since."""
-    return Reading(state.omega, wheel_momentum(state), None if rods is None else rods.torque)
+def _reading(state: PlantState, rods: Vector | None = None) -> Reading:
+    """Return the measured rate and wheel momenta, and the mean torque of magnetorquers (N m)."""
+    return Reading(state.omega, wheel_momentum(state), rods)

@@ -19,7 +19,7 @@ from jaxsat.control.controller import (
     WheelContext,
 )
 from jaxsat.control.diagnosis.diagnosis import Diagnosis
-from jaxsat.control.diagnosis.rod_fit import INTERVAL, RodFit
+from jaxsat.control.diagnosis.rod_fit import INTERVAL, RodFit, across
 from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.control.fault_tolerant import PARALLEL, FaultTolerant
@@ -265,7 +265,8 @@ def _rod_fit(context: LawContext, period: float) -> RodFit:
     turns = np.arange(8) * np.pi / 4
     fields = steering.field.sampled(turns / rate, turns[:, None])
     return RodFit(
-        count=len(np.asarray(steering.dipole_limit)),
+        axes=steering.axes,
+        across=across(np.asarray(steering.axes)),
         model=model,
         noise=noise,
         dipole=np.mean(np.asarray(steering.dipole_limit)),

@@ -10,8 +10,9 @@ from jaxsat.spacecraft.magnetorquers import MagneticSteering
 TRIAL = 0.05
 """Dipole along the field, over the least limit of a magnetorquer."""
 
-SPANNED = 1e-6
-"""Part of the field beyond the span of magnetorquers that counts as none."""
+SPANNED = 0.01
+"""Part of the field beyond the span of magnetorquers that counts as none: shares of turned axes are
+approximate."""
 
 
 def trial_dipoles(

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.control.controller import LawContext, MagneticContext, UnsuitableModel
+from jaxsat.control.diagnosis.residual import believed
 from jaxsat.control.magnetic import MagneticLaw, MagneticMemory, MagneticMode
 from jaxsat.control.periodic_gain import PeriodicGain
 from jaxsat.control.reconfiguration import Left
@@ -27,10 +28,6 @@ PARALLEL = 1e-9
 
 NO_RATE = 1e-30
 """Rate (rad/s) below which no body is."""
-
-APART = 0.03
-"""Difference of dipoles of the body, over the mean limit of magnetorquers, from which on the law's
-own is wrong. It is not exact: it contains what the law opposes of drag."""
 
 NOWHERE = -1
 """Number of the set while another law flies."""
@@ -122,9 +119,11 @@ class TolerantMagnetic(eqx.Module):
         """Return a copy that steers with what these magnetorquers still make."""
         if rods.fit is None:
             return self
-        now = (rods.steering.shares, rods.steering.dipole_limit)
-        places = lambda law: (law.steering.shares, law.steering.dipole_limit)  # noqa: E731
-        return dataclasses.replace(self, laws=eqx.tree_at(places, self.laws, now))
+        now = rods.steering
+        steering = dataclasses.replace(
+            self.laws.steering, axes=now.axes, shares=now.shares, dipole_limit=now.dipole_limit
+        )
+        return dataclasses.replace(self, laws=dataclasses.replace(self.laws, steering=steering))
 
     def act(
         self,
@@ -133,7 +132,7 @@ class TolerantMagnetic(eqx.Module):
         flows: BoolScalar,
         wheeled: Wheeled | None,
         before: TolerantMagneticMemory,
-        found: tuple[Vector, BoolScalar] | None = None,
+        found: tuple[Vector, Vector] | None = None,
     ) -> MagneticFlight:
         """What it does where no other law settles (`unsettled`) beside the wheels in use, None for
         no wheels.
@@ -141,7 +140,8 @@ class TolerantMagnetic(eqx.Module):
         It flies where these are along one axis and no failed thruster `flows`; else magnetorquers
         damp the rate. What was learnt of dipole and torque is kept as wheels fail, but not how the
         body moved. The dipole of the body that the diagnosis of magnetorquers has `found` (A m²),
-        with that of stuck ones, replaces the law's own where it is known and differs. A dipole of
+        with that of stuck ones, replaces the law's own where they differ by more than its error, of
+        these standard deviations (A m²). The law's own is not exact: it follows drag. A dipole of
         the body that no magnetorquer opposes is first turned into the field, and the law has what
         this leaves of the dipoles. Wheels make the rest of its torque about their axis.
         """
@@ -158,9 +158,9 @@ class TolerantMagnetic(eqx.Module):
             predicts=same & before.own.predicts,
         )
         if found is not None:
-            dipole, known = found
-            apart = jnp.max(jnp.abs(dipole - own.dipole) / jnp.mean(law.steering.dipole_limit))
-            own = own._replace(dipole=jnp.where(known & (apart > APART), dipole, own.dipole))
+            dipole, sigma = found
+            apart = dipole - own.dipole
+            own = own._replace(dipole=own.dipole + believed(jnp.sum((apart / sigma) ** 2)) * apart)
         steering, state = law.steering, sample.state
         field = steering.field.in_body(sample.t, state.attitude)
         body = own.dipole

@@ -55,8 +55,8 @@ MOST_RODS = 4
 
 
 class RodMemory(NamedTuple):
-    """Torque (N m) of each magnetorquer by its last dipole, `commanded`, and its mean until the
-    next sample, `acting`, in part from earlier dipoles; whether momentum is too large to hold an
+    """Last command of each magnetorquer times the field (A m² T), `commanded`, and its mean until
+    the next sample, `acting`, in part from earlier ones; whether momentum is too large to hold an
     axis, `overloaded`; and the diagnosis, None without one."""
 
     commanded: Columns
@@ -69,12 +69,6 @@ class RodMemory(NamedTuple):
         """Return the memory before the first dipole."""
         none = jnp.zeros((3, count))
         return RodMemory(none, none, jnp.array(False), fit)
-
-    @property
-    def torque(self) -> Vector:
-        """The mean torque (N m) of all since the last sample."""
-        made = self.acting if self.fit is None else self.acting * self.fit.part[None]
-        return jnp.sum(made, axis=1)
 
 
 class RodSets(NamedTuple):
@@ -163,19 +157,27 @@ class TolerantRods(eqx.Module):
         return memory._replace(fit=self.fit.step(sample, period, memory.fit, diagnosis))
 
     def diagnosed(self, memory: RodMemory) -> "TolerantRods":
-        """Return a copy with what the magnetorquers still make, by its verdicts."""
-        if self.sets is None or memory.fit is None:
+        """Return a copy with what the magnetorquers still make, by its verdicts, and their turned
+        axes. Of shares S that map a dipole to those along axes, one step of Newton's method for an
+        inverse makes those along turned ones."""
+        if self.sets is None or self.fit is None or memory.fit is None:
             return self
         part = memory.fit.part
         works = part != 0
         number = jnp.sum(jnp.where(works, 2 ** jnp.arange(part.shape[0]), 0))
         limit = self.steering.dipole_limit * jnp.where(works, jnp.abs(part), 1.0)
-        shares = self.sets.shares[number]
-        steering = dataclasses.replace(self.steering, shares=shares, dipole_limit=limit)
+        axes, shares = self.fit.axes + self.fit.turns(memory.fit), self.sets.shares[number]
+        shares = shares @ (2 * jnp.eye(3) - axes @ shares)
+        steering = dataclasses.replace(self.steering, axes=axes, shares=shares, dipole_limit=limit)
         return dataclasses.replace(self, steering=steering, power=self.sets.power[number])
 
-    def body_dipole(self, memory: RodMemory | None) -> tuple[Vector, BoolScalar] | None:
-        """Return the dipole (A m²) of body and stuck magnetorquers, and whether it is known."""
+    def torque(self, memory: RodMemory) -> Vector:
+        """Return the mean torque (N m) of all since the last sample."""
+        made = memory.acting if memory.fit is None else memory.acting * memory.fit.part[None]
+        return jnp.sum(jnp.cross(self.steering.axes, made, axis=0), axis=1)
+
+    def body_dipole(self, memory: RodMemory | None) -> tuple[Vector, Vector] | None:
+        """Return the dipole (A m²) of body and stuck magnetorquers, and its standard deviations."""
         if self.fit is None or memory is None or memory.fit is None:
             return None
         return self.fit.body_dipole(memory.fit)
@@ -304,7 +306,7 @@ class TolerantRods(eqx.Module):
             part = before.fit.part
             dipoles = dipoles + trial_dipoles(self.steering, field, dipoles, before.fit.sense)
         commands = jnp.where(part == 0, 0.0, dipoles / jnp.where(part == 0, 1.0, part))
-        made = columns * commands[None]
+        made = field[:, None] * commands[None]
         late = self.delay * before.commanded + (period - self.delay) * made
         after = before._replace(commanded=made, acting=late / period)
         return commands, columns @ dipoles, after

@@ -27,6 +27,17 @@ TRACKING = 0.1
 """Fraction of the error of a flow that is corrected at each sample."""
 
 
+DOUBTED_SIGMAS, BELIEVED_SIGMAS = 2.0, 4.0
+"""Sigmas of an estimate below which it is ignored, and above which it is used."""
+
+
+def believed(squares: RealScalar) -> RealScalar:
+    """Return the part of an estimate that is used, by the sum of squares over its variances."""
+    some = squares > 0  # the square root has no derivative at zero
+    sigmas = jnp.where(some, jnp.sqrt(jnp.where(some, squares, 1.0)), 0.0)
+    return jnp.clip((sigmas - DOUBTED_SIGMAS) / (BELIEVED_SIGMAS - DOUBTED_SIGMAS), 0.0, 1.0)
+
+
 class Reading(NamedTuple):
     """Measured rate of the body (rad/s), and `momentum` of wheels by tachometers (N m s) or None.
 

@@ -1,11 +1,12 @@
 """Effectiveness of magnetorquers, by the momentum of body and wheels.
 
-A magnetorquer lacks the fraction a of its dipole. With a dipole m and a torque d of the body
-besides, both constant, the momentum that the commands do not explain is, over an interval,
+A magnetorquer lacks the fraction a of its dipole, and is turned from its axis e by a small vector
+g across. With a dipole m and a torque d of the body besides, all constant, the momentum that the
+commands do not explain is, over an interval,
 
-    ΔH = -Σ a_i ∫ e_i × B m_i dt + m × ∫B dt + d T,
+    ΔH = Σ (g_i - a_i e_i) × ∫ m_i B dt + m × ∫ B dt + d T,
 
-linear in a, m and d: a Kalman filter of these. A stuck magnetorquer has a = 1, and its dipole is
+linear in a, g, m and d: a Kalman filter of these. A stuck magnetorquer has a = 1, and its dipole is
 a part of m. Torques of wheels are internal, and change nothing.
 """
 
@@ -21,7 +22,7 @@ from jaxtyping import Array, Bool, Float
 from jaxsat.control.diagnosis.diagnosis import WEAK, Diagnosis
 from jaxsat.control.diagnosis.isolation import PENALTY
 from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
-from jaxsat.core.checks import positive
+from jaxsat.core.checks import as_float, positive
 from jaxsat.core.quotients import SMALLEST, length
 from jaxsat.core.trees import Symmetric
 from jaxsat.spacecraft.dynamics import RigidBody
@@ -29,17 +30,19 @@ from jaxsat.spacecraft.dynamics import RigidBody
 INTERVAL = 0.01
 """Time between corrections, over the orbital period: the field turns by 0.1 rad."""
 
-WALK = (0.005, 0.003, 0.004)
-"""Random walk of losses, dipole and torque in an interval, over their first standard deviations."""
+WALK = (0.005, 0.003, 0.004, 0.0)
+"""Random walk of losses, dipole, torque and turns in an interval, over their first standard
+deviations: a mounting does not change."""
 
 UNTOLD = 0.02
 """Torque that nothing explains, over ω0² J with the mean moment of inertia."""
 
 TURNED = 0.03
-"""Relative error of the torques of all magnetorquers, by their mounting and the field."""
+"""Standard deviation (rad) of the turn of a magnetorquer about each direction across, by its
+mounting."""
 
-SURE = 0.1
-"""Standard deviation of the dipole of the body, over that at first, below which it is known."""
+ROUGH = 0.01
+"""Relative error of the torque of each magnetorquer, by the field."""
 
 DOUBTED = 0.5
 """Standard deviation of a loss, over the error of the model, above which it is on trial."""
@@ -51,13 +54,14 @@ Columns = Float[Array, "3 k"]
 
 
 class RodInterval(NamedTuple):
-    """Sums of an interval: `age` (s); `momentum` (N m s) that commands do not explain; impulses of
-    each magnetorquer (N m s) as commanded; the `field` (T s); the impulses that may be wrong by the
-    fraction of model errors, `doubtful` (N m s); and the rate (rad/s) at its beginning."""
+    """Sums of an interval: `age` (s); `momentum` (N m s) that commands do not explain; the command
+    of each magnetorquer times the field, `driven` (A m² T s); the `field` (T s); the impulses that
+    may be wrong by the fraction of model errors, `doubtful` (N m s); and the rate (rad/s) at its
+    beginning."""
 
     age: RealScalar
     momentum: Vector
-    impulses: Columns
+    driven: Columns
     field: Vector
     doubtful: RealScalar
     first: Vector
@@ -70,8 +74,8 @@ class RodInterval(NamedTuple):
 
 
 class RodFitMemory(NamedTuple):
-    """Estimates of losses, dipole and torque, each over its standard deviation at first; their
-    covariance; rate and momentum at the last sample, valid once `started`; the present interval;
+    """Estimates of losses, dipole, torque and turns, each over its standard deviation at first;
+    their covariance; rate and momentum at the last sample, valid once `started`; the interval;
     the verdicts: which magnetorquers `failed`, and the `part` of its dipole that each makes; and
     the `sense` of trial dipoles until the next correction, zero while all losses are known."""
 
@@ -95,40 +99,47 @@ class Outside(NamedTuple):
 
 class RodSample(NamedTuple):
     """What a sample gives: rate (rad/s), `momentum` of body and wheels (N m s, body axes), `field`
-    (T), the mean torque (N m) of each magnetorquer since the last sample by its command, that which
-    is `known` from the model, and what thrusters do."""
+    (T), the mean of each command times the field since the last sample, `driven` (A m² T), the
+    torque that is `known` from the model (N m), and what thrusters do."""
 
     rate: Vector
     momentum: Vector
     field: Vector
-    rods: Columns
+    driven: Columns
     known: Vector
     outside: Outside
 
 
 class RodFit(eqx.Module):
-    """A Kalman filter of the losses of magnetorquers, and of a dipole and a torque of the body.
+    """A Kalman filter of losses and turns of magnetorquers, a dipole and a torque of the body.
 
-    `model` is the law's model of body and known torques, `noise` (N m s) the standard deviation of
-    a momentum about an axis, `dipole` (A m²) the mean dipole limit, `strength` (T) the mean field
-    and `span` (s) the interval between corrections. A magnetorquer has failed once its loss a
-    exceeds the error u of the model (`uncertainty`) with the evidence (|a| - u)² / 2σ² - `PENALTY`
-    above 2kh, as for the losses of thrusters: by chance at most once in e^2kh intervals. An
-    interval that the variances do not allow, with as much evidence, makes all states unknown again:
-    something has failed at once. One that even this does not explain has another cause. While a
-    loss is doubtful, trial dipoles change sign from interval to interval.
+    Magnetorquers are along unit `axes`, with two unit vectors `across` each. `model` is the law's
+    model of body and known torques, `noise` (N m s) the standard deviation of a momentum about an
+    axis, `dipole` (A m²) the mean dipole limit, `strength` (T) the mean field and `span` (s) the
+    interval between corrections. A magnetorquer has failed once its loss a exceeds the error u of
+    the model (`uncertainty`) with the evidence (|a| - u)² / 2σ² - `PENALTY` above 2kh, as for the
+    losses of thrusters: by chance at most once in e^2kh intervals. An interval that the variances
+    do not allow, with as much evidence, makes all states unknown again: something has failed at
+    once. One that even this does not explain has another cause. While a loss is doubtful, trial
+    dipoles change sign from interval to interval.
     """
 
-    count: int = eqx.field(static=True)
+    axes: Float[Array, "3 k"] = eqx.field(converter=as_float)
+    across: Float[Array, "2 3 k"] = eqx.field(converter=as_float)
     model: RigidBody
     noise: RealScalar = eqx.field(converter=positive("noise"))
     dipole: RealScalar = eqx.field(converter=positive("dipole"))
     strength: RealScalar = eqx.field(converter=positive("strength"))
     span: RealScalar = eqx.field(converter=positive("span"))
 
+    @property
+    def count(self) -> int:
+        """Number of magnetorquers."""
+        return self.axes.shape[1]
+
     def init(self, rate: Vector) -> RodFitMemory:
         """Return the memory at the start: all magnetorquers work."""
-        none, size = jnp.zeros_like(rate), self.count + 6
+        none, size = jnp.zeros_like(rate), 3 * self.count + 6
         return RodFitMemory(
             jnp.zeros(size),
             Symmetric(jnp.eye(size)),
@@ -146,11 +157,16 @@ class RodFit(eqx.Module):
         samples = max(float(self.span) / period, 1.0)
         return self.count * math.exp(-2 * reference * threshold) / samples
 
-    def body_dipole(self, memory: RodFitMemory) -> tuple[Vector, BoolScalar]:
-        """Return the dipole (A m²) of body and stuck magnetorquers, and whether it is known."""
+    def body_dipole(self, memory: RodFitMemory) -> tuple[Vector, Vector]:
+        """Return the dipole (A m²) of body and stuck magnetorquers, and its standard deviations."""
         body = slice(self.count, self.count + 3)
         variances = jnp.diagonal(memory.covariance.matrix)[body]
-        return self.dipole * memory.estimate[body], jnp.all(variances < SURE**2)
+        return self.dipole * memory.estimate[body], self.dipole * jnp.sqrt(variances)
+
+    def turns(self, memory: RodFitMemory) -> Columns:
+        """Return the vectors by which magnetorquers are turned from their axes."""
+        first, second = memory.estimate[self.count + 6 :].reshape(2, self.count)
+        return TURNED * (self.across[0] * first[None] + self.across[1] * second[None])
 
     def step(
         self, sample: RodSample, period: RealScalar, memory: RodFitMemory, diagnosis: Diagnosis
@@ -178,14 +194,15 @@ class RodFit(eqx.Module):
         """Return the interval with the period (s) that ends with a sample."""
         before = memory.interval
         rate, momentum = (sample.rate + memory.rate) / 2, (sample.momentum + memory.momentum) / 2
-        torque = jnp.sum(sample.rods, axis=1) + sample.outside.thrust + sample.known
+        rods = jnp.sum(jnp.cross(self.axes, sample.driven, axis=0), axis=1)
+        torque = rods + sample.outside.thrust + sample.known
         change = sample.momentum - memory.momentum + period * (jnp.cross(rate, momentum) - torque)
         turned = jnp.cross(rate, self.model.spacecraft.inertia @ rate)
         doubtful = length(sample.outside.thrust) + length(sample.known) + length(turned)
         return RodInterval(
             before.age + period,
             before.momentum + change,
-            before.impulses + period * sample.rods,
+            before.driven + period * sample.driven,
             before.field + period * sample.field,
             before.doubtful + period * doubtful,
             before.first,
@@ -198,19 +215,17 @@ class RodFit(eqx.Module):
         doubtful = one.doubtful + unit * length(memory.rate - one.first)
         least = UNTOLD * self.model.orbit.rate**2 * unit * one.age
         squares = (diagnosis.uncertainty * doubtful) ** 2 + least**2
-        squares = squares + TURNED**2 * jnp.sum(one.impulses**2)
+        squares = squares + ROUGH**2 * jnp.sum(jnp.cross(self.axes, one.driven, axis=0) ** 2)
         variance = 2 * self.noise**2 + squares / 3  # about each axis
         sigma = jnp.sqrt(variance)
-        x, y, z = one.field * self.dipole
-        zero = jnp.zeros_like(x)
-        turned = jnp.stack(
-            [jnp.stack(row) for row in ((zero, z, -y), (-z, zero, x), (y, -x, zero))]
-        )
+        dipole = jnp.cross(jnp.eye(3), self.dipole * one.field[:, None], axis=0)
         torque = self.dipole * self.strength * one.age * jnp.eye(3)
-        rows = jnp.concatenate([-one.impulses, turned, torque], axis=1) / sigma
+        losses = -jnp.cross(self.axes, one.driven, axis=0)
+        turns = [TURNED * jnp.cross(across, one.driven, axis=0) for across in self.across]
+        rows = jnp.concatenate([losses, dipole, torque, *turns], axis=1) / sigma
         read = one.momentum / sigma
-        walk = jnp.repeat(jnp.array(WALK), np.array([self.count, 3, 3]))
-        unknown = jnp.eye(self.count + 6)
+        walk = jnp.repeat(jnp.array(WALK), np.array([self.count, 3, 3, 2 * self.count]))
+        unknown = jnp.eye(3 * self.count + 6)
         covariance = memory.covariance.matrix + jnp.diag(walk**2)
         surprise, usual = _updated(memory.estimate, covariance, rows, read)
         known = surprise < 2 * self._evidence(diagnosis)
@@ -243,6 +258,13 @@ class RodFit(eqx.Module):
         doubted = jnp.any(variance > (DOUBTED * error) ** 2)
         sense = jnp.where(doubted, jnp.where(memory.sense > 0, -1.0, 1.0), 0.0)
         return memory._replace(failed=failed, part=jnp.where(failed, part, 1.0), sense=sense)
+
+
+def across(axes: Float[np.ndarray, "3 k"]) -> Float[np.ndarray, "2 3 k"]:
+    """Return two unit vectors across each unit axis, and across each other."""
+    first = np.cross(axes, np.eye(3)[:, np.argmin(np.abs(axes), axis=0)], axis=0)
+    first = first / np.linalg.norm(first, axis=0)
+    return np.stack([first, np.cross(axes, first, axis=0)])
 
 
 def _updated(

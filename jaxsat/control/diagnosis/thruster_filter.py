@@ -29,6 +29,7 @@ from jaxsat.control.diagnosis.residual import (
     FilterMemory,
     Prediction,
     Reading,
+    believed,
     momentum_with_rotors,
 )
 from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
@@ -49,9 +50,6 @@ STEADY_VARIANCE = 1 / (1 - STEADY_GAIN)
 FIRST_SAMPLES, MOST_SAMPLES = 3.0, 300.0
 """Samples that the prior of no external torque counts for, and after which its estimate is frozen:
 it would learn what a thruster lacks now and then."""
-
-DOUBTED_SIGMAS, BELIEVED_SIGMAS = 2.0, 4.0
-"""Sigmas of the estimated external torque below which it is ignored, and above which it is used."""
 
 
 class ThrusterModel(eqx.Module):
@@ -243,12 +241,9 @@ class ThrusterFilter(AbstractResidualFilter):
         rate = self.model.spacecraft.inverse_inertia @ condition.torque * period
         root_samples = jnp.sqrt(condition.samples + FIRST_SAMPLES)
         sigma = STEADY_GAIN * jnp.sqrt(STEADY_VARIANCE) * self.rate_noise / root_samples
-        squares = jnp.sum((rate / sigma) ** 2)
-        some = squares > 0  # the square root has no derivative at zero
-        sigmas = jnp.where(some, jnp.sqrt(jnp.where(some, squares, 1.0)), 0.0)
+        part = believed(jnp.sum((rate / sigma) ** 2))
         opposed = jnp.any(condition.failed & (condition.flow > 0))
-        part = (sigmas - DOUBTED_SIGMAS) / (BELIEVED_SIGMAS - DOUBTED_SIGMAS)
-        return jnp.where(opposed, 1.0, jnp.clip(part, 0.0, 1.0)) * condition.torque
+        return jnp.where(opposed, 1.0, part) * condition.torque
 
     def torque_of(self, acceleration: Vector) -> Vector:
         """Return the torque (N m) of an acceleration (rad/s²)."""

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from jaxsat.control.diagnosis.rod_fit import (
     DOUBTED,
     INTERVAL,
-    SURE,
+    ROUGH,
     TURNED,
     UNTOLD,
     WALK,
@@ -23,9 +23,11 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation.engine.single import simulate
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.magnetorquers import NEAREST
 
 PERIOD = 0.5
 LEFT, LIMIT = np.array([1.0, 0.0, 0.3]), 0.2
+TURN = np.array([[0, 0, 0.02], [0.02, 0, 0.01], [-0.03, 0, 0]])  # of x and z, towards others
 BODY, PUSH = np.array([0.004, -0.006, 0.003]), np.array([2e-8, -3e-8, 1e-8])  # A m², N m
 KNOWN = np.array([4e-8, 3e-8, -2e-8])  # N m
 FLIGHT = 5000
@@ -55,7 +57,8 @@ def flight():
     """Momentum by SciPy, of magnetorquers of which one is dead and one makes less."""
 
     def momentum_rate(t, momentum):
-        made = np.cross(LEFT * dipoles(t) + BODY, field(t)) + PUSH + KNOWN
+        made = LEFT * dipoles(t) + TURN @ dipoles(t) + BODY
+        made = np.cross(made, field(t)) + PUSH + KNOWN
         return made - np.cross(rate(t), momentum)
 
     times = PERIOD * np.arange(FLIGHT)
@@ -65,10 +68,15 @@ def flight():
     return times, solve_ivp(momentum_rate, (0, times[-1]), start, t_eval=times, **steps).y.T
 
 
+def driven(times):
+    """Commands times the mean field, in the period before every time."""
+    middle = times - PERIOD / 2
+    return field(middle).T[:, :, None] * dipoles(middle).T[:, None]
+
+
 def torques(times):
     """Mean torque of each magnetorquer in the period before every time, as commanded."""
-    middle = times - PERIOD / 2
-    return np.cross(np.eye(3), field(middle).T[:, None]).swapaxes(1, 2) * dipoles(middle).T[:, None]
+    return np.cross(np.eye(3), driven(times), axisa=0, axisb=1).swapaxes(1, 2)
 
 
 def samples(times, momentum, quiet=True):
@@ -76,7 +84,7 @@ def samples(times, momentum, quiet=True):
     none, known = jnp.zeros((count, 3)), np.tile(KNOWN, (count, 1))
     outside = Outside(none, jnp.full(count, quiet))
     fields = field(times - PERIOD / 2).T
-    each = (rate(times).T, momentum, fields, torques(times), known)
+    each = (rate(times).T, momentum, fields, driven(times), known)
     return RodSample(*map(jnp.asarray, each), outside)
 
 
@@ -102,31 +110,40 @@ def filtered(law, times, momentum):
     each = torques(times)[1:]
     change = change - PERIOD * (each.sum(axis=2) + KNOWN)
     fields = field(times - PERIOD / 2).T[1:]
-    estimate, covariance = np.zeros(9), np.eye(9)
+    moved = PERIOD * driven(times)[1:]
+    estimate, covariance = np.zeros(15), np.eye(15)
+    across = [TURNED * np.eye(3)[[1, 0, 0]], TURNED * np.eye(3)[[2, 2, 1]]]  # of x, of y, of z
     begin = 0
     while begin + count < len(times):
         one, age = slice(begin, begin + count), count * PERIOD
         impulses = PERIOD * each[one].sum(axis=0)
         of_field = np.cross(np.eye(3), PERIOD * fields[one].sum(axis=0)).T * float(fit.dipole)
         of_torque = np.eye(3) * age * float(fit.dipole) * float(fit.strength)
-        rows = np.concatenate([-impulses, of_field, of_torque], axis=1)
+        turns = [np.cross(way, moved[one].sum(axis=0).T).T for way in across]
+        rows = np.concatenate([-impulses, of_field, of_torque, *turns], axis=1)
         turned = np.linalg.norm(np.cross(mean[one], mean[one] @ inertia), axis=1)
         doubtful = PERIOD * np.sum(np.linalg.norm(KNOWN) + turned)
         doubtful += unit * np.linalg.norm(omega[begin + count] - omega[begin])
-        squares = (0.1 * doubtful) ** 2 + (TURNED * np.linalg.norm(impulses)) ** 2
+        squares = (0.1 * doubtful) ** 2 + (ROUGH * np.linalg.norm(impulses)) ** 2
         squares += (UNTOLD * float(fit.model.orbit.rate) ** 2 * unit * age) ** 2
         noise = (2 * float(fit.noise) ** 2 + squares / 3) * np.eye(3)
         read = change[one].sum(axis=0)
-        covariance = covariance + np.diag(np.repeat(WALK, 3)) ** 2
+        covariance = covariance + np.diag(np.repeat(WALK, (3, 3, 3, 6))) ** 2
         spread, surprise = rows @ covariance @ rows.T + noise, read - rows @ estimate
         if surprise @ np.linalg.solve(spread, surprise) > 2 * 24:
-            covariance = np.eye(9)
+            covariance = np.eye(15)
             spread = rows @ covariance @ rows.T + noise
         gain = np.linalg.solve(spread, rows @ covariance).T
         estimate = estimate + gain @ surprise
-        covariance = (np.eye(9) - gain @ rows) @ covariance
+        covariance = (np.eye(15) - gain @ rows) @ covariance
         begin += count
     return estimate, np.sqrt(np.diag(covariance))
+
+
+def columns(turns):
+    """Vectors of turns, over their first deviations: of x, y, z towards a first axis, a second."""
+    (xy, yx, zx), (xz, yz, zy) = TURNED * turns.reshape(2, 3)
+    return np.array([[0, yx, zx], [xy, 0, zy], [xz, yz, 0]])
 
 
 def test_the_filter_is_that_of_numpy_and_finds_what_scipy_flew(law, flight):
@@ -135,12 +152,15 @@ def test_the_filter_is_that_of_numpy_and_finds_what_scipy_flew(law, flight):
     seen = flown(law, samples(times, momentum))
     last = jax.tree.map(lambda one: one[-1], seen)
     estimate, sigma = filtered(law, times, momentum)
-    np.testing.assert_allclose(last.estimate, estimate, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(last.estimate[:9], estimate[:9], rtol=1e-6, atol=1e-9)
     found = np.sqrt(np.diag(last.covariance.matrix))
-    np.testing.assert_allclose(found, sigma, rtol=1e-6)
+    np.testing.assert_allclose(found[:9], sigma[:9], rtol=1e-6)
+    turns = columns(estimate[9:])
+    np.testing.assert_allclose(law.rods.fit.turns(last), turns, atol=1e-8)
+    assert np.all((np.abs(turns - TURN) <= 2 * columns(sigma[9:]))[:, [0, 2]])
     unit = float(law.rods.fit.dipole), float(law.rods.fit.dipole * law.rods.fit.strength)
     truth = np.concatenate([1 - LEFT, BODY / unit[0], PUSH / unit[1]])
-    assert np.all(np.abs(estimate - truth) < sigma)
+    assert np.all(np.abs(estimate[:9] - truth) < sigma[:9])
     np.testing.assert_allclose(estimate[:3], 1 - LEFT, atol=0.1)
     assert list(last.failed) == [False, True, True]
     np.testing.assert_allclose(last.part, [1.0, 0.0, LEFT[2]], atol=0.1)
@@ -208,8 +228,35 @@ def test_what_is_left_makes_the_dipoles_of_the_others(law):
         made = np.cross(axes @ (part * np.asarray(commands)), [1e-5, 2e-5, 3e-5])
         np.testing.assert_allclose(torque, made, atol=1e-18)
         delayed = (PERIOD - float(rods.delay)) / PERIOD
-        np.testing.assert_allclose(after.torque, delayed * made, atol=1e-18)
+        np.testing.assert_allclose(left.torque(after), delayed * made, atol=1e-18)
     assert isinstance(memory, RodMemory)
+
+
+@pytest.mark.parametrize("part", [[1.0, 1.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]])
+def test_known_turns_of_axes_leave_no_torque(law, part):
+    """Also of two, which make a dipole along the third axis by a field that is not near theirs."""
+    memory, working = law.rods.begin(jnp.zeros(3)), np.array(part) != 0
+    sound = memory.fit.estimate.shape[0] - 6
+    away = np.random.default_rng(3).normal(0, 1, 6)
+    fit = memory.fit._replace(
+        estimate=jnp.concatenate([jnp.zeros(sound), away]), part=jnp.array(part)
+    )
+    left = law.rods.diagnosed(memory._replace(fit=fit))
+    turns = np.asarray(law.rods.fit.turns(fit))
+    np.testing.assert_allclose(np.diag(turns), 0, atol=1e-16)
+    np.testing.assert_allclose(np.sum(turns**2), TURNED**2 * np.sum(away**2), rtol=1e-12)
+    axes = np.eye(3) + turns
+    np.testing.assert_allclose(left.steering.axes, axes, rtol=1e-12, atol=1e-16)
+    b, body = np.array([1.2e-5, 2e-5, -1.7e-5]), np.array([0.03, -0.02, 0.04])
+    nearest = eqx.filter_jit(lambda one: one.turned(jnp.asarray(b), jnp.asarray(body)))
+    unknown = law.rods.diagnosed(memory._replace(fit=memory.fit._replace(part=jnp.array(part))))
+    each = (nearest(left.steering), nearest(unknown.steering))
+    rest = [np.linalg.norm(np.cross(axes @ np.asarray(one) - body, b)) for one in each]
+    sine = np.linalg.norm(b[~working]) / np.linalg.norm(b)
+    unmade = 0.0 if working.all() else NEAREST**2 / (NEAREST**2 + sine**2)
+    error = unmade + np.sum(turns**2)
+    assert rest[0] < error * np.linalg.norm(np.cross(body, b))
+    assert rest[1] > 2 * rest[0]
 
 
 def test_trials_change_sign_and_end_once_losses_are_known(law, flight):
@@ -226,16 +273,16 @@ def test_trials_change_sign_and_end_once_losses_are_known(law, flight):
     np.testing.assert_array_equal(signs[1:], -signs[:-1])
 
 
-def test_the_dipole_of_body_and_stuck_ones_is_known_to_a_tenth_of_the_limit(law, flight):
+def test_the_dipole_of_body_and_stuck_ones_has_the_error_that_the_filter_says(law, flight):
     times, momentum = flight
     seen = flown(law, samples(times, momentum))
     fit, unit = law.rods.fit, float(law.rods.fit.dipole)
     spread = np.sqrt(np.diagonal(seen.covariance.matrix, axis1=1, axis2=2))[:, 3:6] * unit
     for number in (0, len(times) // 8, len(times) - 1):
-        dipole, known = fit.body_dipole(jax.tree.map(lambda one, n=number: one[n], seen))
-        assert bool(known) == np.all(spread[number] < SURE * LIMIT)
-    assert known
-    np.testing.assert_allclose(dipole, BODY, atol=SURE * LIMIT)
+        dipole, sigma = fit.body_dipole(jax.tree.map(lambda one, n=number: one[n], seen))
+        np.testing.assert_allclose(sigma, spread[number], rtol=1e-12)
+        assert np.all(np.abs(dipole - BODY) < 2 * np.asarray(sigma))
+    assert np.all(np.asarray(sigma) < 0.1 * LIMIT)
 
 
 @pytest.mark.slow
