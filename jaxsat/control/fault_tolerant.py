@@ -150,8 +150,10 @@ class FaultTolerant(AbstractSampledController):
         self, t: RealScalar, state: PlantState, memory: FaultTolerantMemory
     ) -> tuple[Float[Array, " m"], FaultTolerantMemory]:
         """Return commands and memory with the magnetorquers that work, by their diagnosis."""
-        rods = self.rods if memory.rods is not None else None
-        reading = _reading(state, None if rods is None else rods.torque(memory.rods))
+        by_rods = None
+        if self.rods is not None and memory.rods is not None:
+            by_rods = self.rods.torque(memory.rods)
+        reading = _reading(state, by_rods)
         sample = Sample(t, state, reading, self.healthy)
         kinds = [
             (one, one.able(sample, self._diagnosed(one, reading, before), before))
@@ -267,7 +269,10 @@ class FaultTolerant(AbstractSampledController):
         whole = self.rods.whole(sample, held)
         excess = jnp.where(hurries, whole, excess)
         relief = self.rods.relief(sample, axis, excess, coasting, hurries)
-        dipoles = self.rods.beside_wheels(field, relief, torque, axis)
+        known = self.rods.known_dipole(before)
+        opposing = self.rods.opposing(field, known)
+        rest = torque - jnp.cross(known + self.rods.steering.axes @ opposing, field)
+        dipoles = opposing + self.rods.besides(opposing).beside_wheels(field, relief, rest, axis)
         if flight is not None:
             dipoles = jnp.where(flight.acts, flight.dipoles, dipoles)
         commands, made, after = self.rods.act(field, dipoles, self.period, before)

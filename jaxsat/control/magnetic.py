@@ -173,8 +173,8 @@ class MagneticLaw(AbstractSampledController):
         excess = self.steering.excess(state)
         points = self.gain.torque(t, jnp.concatenate([turn, relative]), excess, constant)
         slews = self._slew(state, turn, relative)
-        pull = jnp.where(mode == int(MagneticMode.POINTING), points, slews) - residual
-        torque = jnp.where(stopped, pull, -self.damping * relative)
+        pull = jnp.where(mode == int(MagneticMode.POINTING), points, slews)
+        torque = jnp.where(stopped, pull, -self.damping * relative) - residual
         dipoles = self.steering.unlimited(field, self.steering.wanted_torque(state, torque))
         within = jnp.all(jnp.abs(dipoles + besides) <= self.steering.dipole_limit)
         outside = jnp.cross(self.steering.axes @ dipoles, field) + residual + constant

@@ -165,7 +165,6 @@ class TolerantMagnetic(eqx.Module):
         field = steering.field.in_body(sample.t, state.attitude)
         body = own.dipole
         besides = steering.shortened(steering.shares @ body - steering.turned(field, body))
-        besides = jnp.where(own.mode == int(MagneticMode.DAMPING), 0.0, besides)
         torque, own = law.beside(sample.t, state, own, besides)
         wanted = steering.wanted_torque(state, torque)
         dipoles, made = steering.within_limits(field, wanted, besides)

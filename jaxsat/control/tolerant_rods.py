@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.diagnosis.diagnosis import Diagnosis
+from jaxsat.control.diagnosis.residual import believed
 from jaxsat.control.diagnosis.rod_fit import Columns, Outside, RodFit, RodFitMemory, RodSample
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.control.rod_trial import trial_dipoles
@@ -57,18 +58,20 @@ MOST_RODS = 4
 class RodMemory(NamedTuple):
     """Last command of each magnetorquer times the field (A m² T), `commanded`, and its mean until
     the next sample, `acting`, in part from earlier ones; whether momentum is too large to hold an
-    axis, `overloaded`; and the diagnosis, None without one."""
+    axis, `overloaded`; the torque (N m) of the known dipole of the body, `pulled`; and the
+    diagnosis, None without one."""
 
     commanded: Columns
     acting: Columns
     overloaded: BoolScalar
+    pulled: Vector
     fit: RodFitMemory | None = None
 
     @staticmethod
     def begin(count: int, fit: RodFitMemory | None = None) -> "RodMemory":
         """Return the memory before the first dipole."""
         none = jnp.zeros((3, count))
-        return RodMemory(none, none, jnp.array(False), fit)
+        return RodMemory(none, none, jnp.array(False), jnp.zeros(3), fit)
 
 
 class RodSets(NamedTuple):
@@ -172,15 +175,33 @@ class TolerantRods(eqx.Module):
         return dataclasses.replace(self, steering=steering, power=self.sets.power[number])
 
     def torque(self, memory: RodMemory) -> Vector:
-        """Return the mean torque (N m) of all since the last sample."""
+        """Return the mean torque (N m) of all, and of the known dipole, since the last sample."""
         made = memory.acting if memory.fit is None else memory.acting * memory.fit.part[None]
-        return jnp.sum(jnp.cross(self.steering.axes, made, axis=0), axis=1)
+        return jnp.sum(jnp.cross(self.steering.axes, made, axis=0), axis=1) + memory.pulled
 
     def body_dipole(self, memory: RodMemory | None) -> tuple[Vector, Vector] | None:
         """Return the dipole (A m²) of body and stuck magnetorquers, and its standard deviations."""
         if self.fit is None or memory is None or memory.fit is None:
             return None
         return self.fit.body_dipole(memory.fit)
+
+    def known_dipole(self, memory: RodMemory) -> Vector:
+        """Return what stands out of its noise of the dipole (A m²) of body and stuck ones."""
+        found = self.body_dipole(memory)
+        if found is None:
+            return jnp.zeros(3)
+        dipole, sigma = found
+        return believed(jnp.sum((dipole / sigma) ** 2)) * dipole
+
+    def opposing(self, field: Vector, dipole: Vector) -> Float[Array, " k"]:
+        """Return dipoles (A m²) that oppose the torque of a `dipole` (A m²) in a field (T)."""
+        return self.steering.shortened(-self.steering.turned(field, dipole))
+
+    def besides(self, dipoles: Float[Array, " k"]) -> "TolerantRods":
+        """Return a copy with the limits that these dipoles (A m²) leave."""
+        left = jnp.maximum(self.steering.dipole_limit - jnp.abs(dipoles), SMALLEST)
+        steering = dataclasses.replace(self.steering, dipole_limit=left)
+        return dataclasses.replace(self, steering=steering)
 
     @property
     def bias(self) -> Vector:
@@ -299,8 +320,8 @@ class TolerantRods(eqx.Module):
     def act(
         self, field: Vector, dipoles: Float[Array, " k"], period: RealScalar, before: RodMemory
     ) -> tuple[Float[Array, " k"], Vector, RodMemory]:
-        """Return the commands (A m²) for dipoles (A m²) in a field (T), their torque (N m), and the
-        next memory."""
+        """Return the commands (A m²) for dipoles (A m²) in a field (T), their torque (N m) with
+        that of the known dipole of the body, and the next memory."""
         columns, part = self.steering.reach(field).columns, 1.0
         if before.fit is not None:
             part = before.fit.part
@@ -308,8 +329,9 @@ class TolerantRods(eqx.Module):
         commands = jnp.where(part == 0, 0.0, dipoles / jnp.where(part == 0, 1.0, part))
         made = field[:, None] * commands[None]
         late = self.delay * before.commanded + (period - self.delay) * made
-        after = before._replace(commanded=made, acting=late / period)
-        return commands, columns @ dipoles, after
+        pulled = jnp.cross(self.known_dipole(before), field)
+        after = before._replace(commanded=made, acting=late / period, pulled=pulled)
+        return commands, columns @ dipoles + pulled, after
 
 
 def _shares(

@@ -31,6 +31,7 @@ from jaxsat.control.tolerant_rods import (
 )
 from jaxsat.control.wheel_allocation import Wheeled
 from jaxsat.core.attitude import Quaternion
+from jaxsat.core.trees import Symmetric
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
@@ -230,13 +231,15 @@ def test_two_magnetorquers_oppose_a_dipole_along_the_third_axis(cubesat):
     np.testing.assert_allclose(made - wheel, [lacking[0], 0, 0], rtol=1e-9, atol=1e-18)
     found, *_ = act(0.5 * np.abs(first).max() * jnp.ones(3), state, *one_wheel)
     assert np.abs(found).max() <= (0.5 + 1e-12) * np.abs(first).max()
-    # While a failed thruster flows, wheels and thrusters damp the rate, and magnetorquers do too.
+    # While a failed thruster flows, wheels and thrusters damp the rate, and magnetorquers do too,
+    # beside what the first leave of the dipole of the body.
     found, _, (flies, number) = act(jnp.ones(3), state, *one_wheel[:2], jnp.array(True))
     frame = np.array([0, -rate, 0])
     relative = frame - Rotation.from_quat(turned, scalar_first=True).inv().apply(frame)
     against = -float(magnetic.laws.damping) * np.cross(b, relative) / (b @ b)
+    against = against - (body + first) + b * (b @ (body + first)) / (b @ b)
     against = against - b * (against[lost] / b[lost]) / (1 + (NEAREST / sine) ** 2)
-    np.testing.assert_allclose(found, kept * against, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(found, first + kept * against, rtol=1e-9, atol=1e-15)
     assert not flies
     assert number == NOWHERE
 
@@ -265,6 +268,49 @@ def test_a_dipole_that_the_diagnosis_knows_replaces_that_of_the_law(cubesat):
         expected = act(part * body, None)
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-18)
     assert np.abs(np.asarray(act(body, None) - act(nothing, None))).max() > 1e-3
+
+
+@pytest.mark.parametrize("lost", [None, 2])
+@pytest.mark.parametrize("part", [[1.0, 1.0, 1.0], [1.0, 1.0, 0.0]])
+def test_a_known_dipole_of_the_body_is_opposed_beside_wheels(cubesat, lost, part):
+    """By magnetorquers, and by wheels where these cannot: the torque on the body stays the same."""
+    known = jnp.arange(3) == (-1 if lost is None else lost)
+    law = eqx.tree_at(lambda one: one.actuators[0].known, cubesat, known)
+    turned = np.array([0.999, 0.01, -0.02, 0.015])
+    attitude = Quaternion(jnp.array(turned / np.linalg.norm(turned)))
+    momenta = WheelMomenta(jnp.array([2e-4, -3e-4, 0.0]))
+    state = PlantState(attitude, jnp.array([1e-4, -1e-3, 2e-4]), (momenta, None))
+    memory, fit = law.init(state), law.rods.fit
+
+    @eqx.filter_jit
+    def flown(dipole, variance):
+        size, own = jnp.arange(15), memory.rods.fit
+        estimate = own.estimate.at[3:6].set(dipole / fit.dipole)
+        covariance = Symmetric(jnp.diag(jnp.where((size >= 3) & (size < 6), variance, 1.0)))
+        own = own._replace(
+            estimate=estimate, covariance=covariance, part=jnp.array(part), sense=jnp.array(0.0)
+        )
+        rods = memory.rods._replace(fit=own)
+        command, after = law.step(jnp.array(0.0), state, memory._replace(rods=rods))
+        return command, after.mode, after.rods.pulled
+
+    body, b = (
+        np.array([0.004, -0.006, 0.003]),
+        np.asarray(law.rods.steering.field.in_body(jnp.array(0.0), attitude)),
+    )
+    own, mode, _ = flown(jnp.zeros(3), 1e-8)
+    command, _, pulled = flown(jnp.asarray(body), 1e-8)
+    assert mode == (TolerantMode.THREE_AXES if lost is None else TolerantMode.RODS)
+    np.testing.assert_allclose(pulled, np.cross(body, b), rtol=1e-9)
+    added = np.asarray(command - own)
+    wheels, rods = (added[:3], added[3:]) if lost is None else (added[:3] * [1, 1, 0], added[3:])
+    torque = wheels + np.cross(rods + body, b)
+    np.testing.assert_allclose(torque, 0, atol=1e-6 * np.linalg.norm(np.cross(body, b)))
+    if part[2]:
+        np.testing.assert_allclose(np.cross(rods, b), -np.cross(body, b), rtol=1e-9)
+    unsure, _, none = flown(jnp.asarray(body), 1.0)
+    np.testing.assert_array_equal(unsure, own)
+    np.testing.assert_array_equal(none, 0)
 
 
 def feedback(c, omega, inertia, rate, frequency, most):
