@@ -8,11 +8,16 @@ from jaxsat.core.quotients import SMALLEST, length
 from jaxsat.spacecraft.magnetorquers import MagneticSteering
 
 TRIAL = 0.05
-"""Dipole along the field, over the least limit of a magnetorquer."""
+"""Trial dipole, over the least limit of a magnetorquer."""
 
 SPANNED = 0.01
 """Part of the field beyond the span of magnetorquers that counts as none: shares of turned axes are
 approximate."""
+
+
+def trial_size(steering: MagneticSteering) -> RealScalar:
+    """Return the size of a trial dipole, A m²."""
+    return TRIAL * jnp.min(steering.dipole_limit)
 
 
 def trial_dipoles(
@@ -26,7 +31,7 @@ def trial_dipoles(
     along = steering.shares @ field
     beyond = field - steering.axes @ along
     spanned = jnp.sum(beyond**2) < SPANNED**2 * jnp.sum(field**2)
-    trial = TRIAL * jnp.min(steering.dipole_limit) * sense * along / length(field)
+    trial = trial_size(steering) * sense * along / length(field)
     room = steering.dipole_limit - jnp.abs(besides)
     part = jnp.min(room / jnp.maximum(jnp.abs(trial), SMALLEST))
     return jnp.where(spanned, jnp.clip(part, 0.0, 1.0), 0.0) * trial

@@ -15,7 +15,7 @@ from jaxsat.control.diagnosis.diagnosis import Diagnosis
 from jaxsat.control.diagnosis.residual import believed
 from jaxsat.control.diagnosis.rod_fit import Columns, Outside, RodFit, RodFitMemory, RodSample
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
-from jaxsat.control.rod_trial import trial_dipoles
+from jaxsat.control.rod_trial import trial_dipoles, trial_size
 from jaxsat.control.tolerant_actuators import Sample
 from jaxsat.core.array_types import BoolScalar, Matrix, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
@@ -322,11 +322,12 @@ class TolerantRods(eqx.Module):
     ) -> tuple[Float[Array, " k"], Vector, RodMemory]:
         """Return the commands (A m²) for dipoles (A m²) in a field (T), their torque (N m) with
         that of the known dipole of the body, and the next memory."""
-        columns, part = self.steering.reach(field).columns, 1.0
+        columns, part, test = self.steering.reach(field).columns, 1.0, 0.0
         if before.fit is not None:
-            part = before.fit.part
-            dipoles = dipoles + trial_dipoles(self.steering, field, dipoles, before.fit.sense)
-        commands = jnp.where(part == 0, 0.0, dipoles / jnp.where(part == 0, 1.0, part))
+            part, sense = before.fit.part, before.fit.sense
+            dipoles = dipoles + trial_dipoles(self.steering, field, dipoles, sense)
+            test = jnp.where(before.fit.tested, sense * trial_size(self.steering), 0.0)
+        commands = jnp.where(part == 0, test, dipoles / jnp.where(part == 0, 1.0, part))
         made = field[:, None] * commands[None]
         late = self.delay * before.commanded + (period - self.delay) * made
         pulled = jnp.cross(self.known_dipole(before), field)

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.control.diagnosis.diagnosis import WEAK, Diagnosis
+from jaxsat.control.diagnosis.diagnosis import MOST_RETURNS, WEAK, Diagnosis
 from jaxsat.control.diagnosis.isolation import PENALTY
 from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
 from jaxsat.core.checks import as_float, positive
@@ -76,8 +76,9 @@ class RodInterval(NamedTuple):
 class RodFitMemory(NamedTuple):
     """Estimates of losses, dipole, torque and turns, each over its standard deviation at first;
     their covariance; rate and momentum at the last sample, valid once `started`; the interval;
-    the verdicts: which magnetorquers `failed`, and the `part` of its dipole that each makes; and
-    the `sense` of trial dipoles until the next correction, zero while all losses are known."""
+    the verdicts: which magnetorquers `failed`, and the `part` of its dipole that each makes; the
+    `sense` of trial dipoles until the next correction, zero while all losses are known; and how
+    often each that was given up came back, `returns`."""
 
     estimate: Float[Array, " n"]
     covariance: Symmetric
@@ -88,6 +89,12 @@ class RodFitMemory(NamedTuple):
     failed: Bool[Array, " k"]
     part: Float[Array, " k"]
     sense: RealScalar
+    returns: Float[Array, " k"]
+
+    @property
+    def tested(self) -> Bool[Array, " k"]:
+        """Those given up which return to service once their dipole reappears."""
+        return (self.part == 0) & (self.returns < MOST_RETURNS)
 
 
 class Outside(NamedTuple):
@@ -121,7 +128,8 @@ class RodFit(eqx.Module):
     losses of thrusters: by chance at most once in e^2kh intervals. An interval that the variances
     do not allow, with as much evidence, makes all states unknown again: something has failed at
     once. One that even this does not explain has another cause. While a loss is doubtful, trial
-    dipoles change sign from interval to interval.
+    dipoles change sign from interval to interval. One that was given up returns to service once
+    the part 1 - a that it makes is as evident, at most `MOST_RETURNS` times.
     """
 
     axes: Float[Array, "3 k"] = eqx.field(converter=as_float)
@@ -150,6 +158,7 @@ class RodFit(eqx.Module):
             jnp.zeros(self.count) > 0,
             jnp.ones(self.count),
             jnp.ones_like(none[0]),
+            jnp.zeros(self.count),
         )
 
     def false_alarm_rate(self, reference: float, threshold: float, period: float) -> float:
@@ -248,16 +257,28 @@ class RodFit(eqx.Module):
         error = diagnosis.uncertainty
         loss = memory.estimate[: self.count]
         variance = jnp.diagonal(memory.covariance.matrix)[: self.count] + SMALLEST
+        evidence = PENALTY + self._evidence(diagnosis)
         beyond = jnp.maximum(jnp.abs(loss) - error, 0.0)
-        proven = beyond**2 / (2 * variance) - PENALTY > self._evidence(diagnosis)
+        proven = beyond**2 / (2 * variance) > evidence
         known = variance < error**2
-        failed = proven | (memory.failed & ~(known & (beyond == 0)))
+        returned = memory.tested & ((1 - loss) ** 2 / (2 * variance) > evidence)
+        lost = (memory.part == 0) & ~returned
+        failed = lost | proven | (memory.failed & ~(known & (beyond == 0)))
         part = jnp.clip(1 - loss, -1.0, 1.0)
         part = jnp.where(jnp.abs(part) < WEAK, 0.0, part)
-        part = jnp.where(proven | known, part, memory.part)
+        part = jnp.where(lost, 0.0, jnp.where(proven | known | returned, part, memory.part))
+        part = jnp.where(failed, part, 1.0)
+        returned = jnp.where(returned & (part != 0), 1.0, 0.0)
+        unknown = jnp.concatenate([returned, jnp.zeros(2 * self.count + 6)])
         doubted = jnp.any(variance > (DOUBTED * error) ** 2)
         sense = jnp.where(doubted, jnp.where(memory.sense > 0, -1.0, 1.0), 0.0)
-        return memory._replace(failed=failed, part=jnp.where(failed, part, 1.0), sense=sense)
+        return memory._replace(
+            covariance=Symmetric(memory.covariance.matrix + jnp.diag(unknown)),
+            failed=failed,
+            part=part,
+            sense=sense,
+            returns=memory.returns + returned,
+        )
 
 
 def across(axes: Float[np.ndarray, "3 k"]) -> Float[np.ndarray, "2 3 k"]:

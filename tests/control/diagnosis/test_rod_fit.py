@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from jaxsat.control.diagnosis.diagnosis import MOST_RETURNS
 from jaxsat.control.diagnosis.rod_fit import (
     DOUBTED,
     INTERVAL,
@@ -17,8 +18,10 @@ from jaxsat.control.diagnosis.rod_fit import (
     Outside,
     RodSample,
 )
+from jaxsat.control.rod_trial import TRIAL
 from jaxsat.control.tolerant_rods import RodMemory
 from jaxsat.core.attitude import Quaternion
+from jaxsat.core.trees import Symmetric
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation.engine.single import simulate
@@ -89,14 +92,15 @@ def samples(times, momentum, quiet=True):
 
 
 @eqx.filter_jit
-def flown(law, samples):
+def flown(law, samples, memory=None):
     fit = law.rods.fit
+    memory = fit.init(samples.rate[0]) if memory is None else memory
 
     def one(memory, sample):
         after = fit.step(sample, law.period, memory, law.diagnosis)
         return after, after
 
-    return jax.lax.scan(one, fit.init(samples.rate[0]), samples)[1]
+    return jax.lax.scan(one, memory, samples)[1]
 
 
 def filtered(law, times, momentum):
@@ -194,18 +198,68 @@ def test_what_no_magnetorquer_explains_and_what_is_not_quiet_changes_no_estimate
     assert not np.any(flown(law, samples(times, momentum, quiet=False)).failed)
 
 
-def test_magnetorquers_that_work_are_not_isolated(law):
-    """Noise of rates and tachometers alone: 24 flights."""
+@pytest.fixture(scope="module")
+def sound():
+    """Times and momentum of magnetorquers which all work."""
     times = PERIOD * np.arange(FLIGHT)
     whole = np.zeros((FLIGHT, 3))
     for number in range(FLIGHT - 1):
         torque = torques(times[number + 1 :][:1])[0].sum(axis=1) + KNOWN
         turn = PERIOD * np.cross(rate(times[number] + PERIOD / 2), whole[number])
         whole[number + 1] = whole[number] + PERIOD * torque - turn
+    return times, whole
+
+
+def test_magnetorquers_that_work_are_not_isolated(law, sound):
+    """Noise of rates and tachometers alone: 24 flights."""
+    times, whole = sound
     rng = np.random.default_rng(5)
     for _ in range(24):
         noise = rng.normal(0, 1e-5, whole.shape)
         assert not np.any(flown(law, samples(times, whole + noise)).failed)
+
+
+@pytest.mark.parametrize("returns", [0, 1, 2])
+def test_a_magnetorquer_that_works_again_returns_to_service_twice_and_no_more(law, sound, returns):
+    memory = law.rods.fit.init(jnp.zeros(3))
+    dead = jnp.arange(3) == 1
+    spread = jnp.where(jnp.arange(15) == 1, 0.05, 1.0)
+    memory = memory._replace(
+        estimate=jnp.where(jnp.arange(15) == 1, 1.0, 0.0),
+        covariance=Symmetric(jnp.diag(spread**2)),
+        failed=dead,
+        part=jnp.where(dead, 0.0, 1.0),
+        returns=jnp.where(dead, float(returns), 0.0),
+    )
+    assert list(memory.tested) == [False, returns < MOST_RETURNS, False]
+    seen = flown(law, samples(*sound), memory)
+    part = np.asarray(seen.part)
+    assert np.all(part[:, [0, 2]] == 1)
+    assert np.all(part[: FLIGHT // 50, 1] == 0)
+    back = returns < MOST_RETURNS
+    assert part[-1, 1] == back
+    assert bool(seen.failed[-1, 1]) != back
+    np.testing.assert_array_equal(seen.returns[-1], [0, returns + back, 0])
+
+
+def test_those_given_up_are_tested_by_dipoles_of_alternating_sense(law):
+    memory = law.rods.begin(jnp.zeros(3))
+    field, wanted = jnp.array([1e-5, 2e-5, 3e-5]), jnp.array([0.01, 0.0, 0.03])
+    for sense in (1.0, -1.0, 0.0):
+        for returns in (1.0, 2.0):
+            fit = memory.fit._replace(
+                part=jnp.array([1.0, 0.0, 1.0]),
+                returns=jnp.array([0.0, returns, 0.0]),
+                sense=jnp.array(sense),
+            )
+            before = memory._replace(fit=fit)
+            left = law.rods.diagnosed(before)
+            commands, torque, after = left.act(field, wanted, law.period, before)
+            test = sense * TRIAL * LIMIT if returns < MOST_RETURNS else 0.0
+            np.testing.assert_allclose(commands, [0.01, test, 0.03], rtol=1e-12, atol=1e-18)
+            made = np.cross([0.01, 0.0, 0.03], field)
+            np.testing.assert_allclose(torque, made, rtol=1e-12)
+            assert np.all(np.asarray(after.commanded)[:, 1] == test * np.asarray(field))
 
 
 def test_what_is_left_makes_the_dipoles_of_the_others(law):
@@ -321,3 +375,18 @@ def test_a_magnetorquer_that_is_stuck_at_little_is_found_by_trials_and_opposed()
     assert np.all(part[times > 8000, 2] == 0)
     turn = 2 * np.linalg.norm(np.asarray(found.signals.quaternion)[:, 1:], axis=1)
     assert np.max(turn[times > 11400]) < 0.02
+
+
+@pytest.mark.slow
+def test_a_magnetorquer_that_works_again_in_flight_is_used_again():
+    control = '{law="fault-tolerant", natural_frequency_rad_s=0.02, period_s=2}'
+    dead = '{of="magnetorquer y", at_s=100, kind="dead"}'
+    again = '{of="magnetorquer y", at_s=6000, kind="degraded", fraction=0.99}'
+    changes = [f"control={control}", "simulation.duration_s=12000", f"failure=[{dead}, {again}]"]
+    run = build(load("wheel-and-rods", changes, caution=lambda text: None))
+    assert isinstance(run.start, PlantState)
+    found = simulate(run.loop, run.start, run.times, method=run.method)
+    times, part = np.asarray(found.times), np.asarray(found.signals.parts["diagnosed_dipole"])
+    assert np.all(part[:, [0, 2]] == 1)
+    assert np.all(part[(times > 5000) & (times < 6000), 1] == 0)
+    np.testing.assert_allclose(part[-1, 1], 1, atol=0.1)
