@@ -23,6 +23,9 @@ PRODUCT = Range(-1e12, 1e12)
 TORQUE = Range(-1e9, 1e9)
 """Disturbance torques, N m."""
 
+TORQUE_NOISE = Range(0.0, 1e6)
+"""Noise, deviation and random walk of unknown torques, N m over powers of √s."""
+
 TORQUE_LIMIT = Range(1e-9, 1e9)
 """Largest torque of a thruster, N m."""
 

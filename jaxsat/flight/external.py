@@ -8,7 +8,7 @@ import ctypes
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -185,7 +185,7 @@ class ExternalEstimator(AbstractEstimator):
         momentum = self.library.program.now.measured.wheel_momentum
         if momentum is not None:  # which the estimator does not use, and `ExternalLaw` receives
             momentum = jnp.zeros(momentum.shape)
-        like, rate = self.library.program.now.measured, measurement.rate
+        like, rate = self.library.program.now.measured, cast(Array, measurement.rate)
         vectors = [name for name in VECTORS if getattr(like, name) is not None]
         measured = measured_by(measurement, vectors, momentum)
         law_input = Seen(Quaternion(jnp.zeros(4, rate.dtype)), rate, momentum)

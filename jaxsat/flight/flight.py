@@ -1,7 +1,7 @@
 """Flying parts of a closed loop, estimator, law and actuator commands, as functions of trees."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -144,6 +144,11 @@ class FlightController(eqx.Module):
         navigation = loop.navigation
         if navigation is None:
             return FlightController(*parts)
+        if navigation.gyro is None:
+            raise CannotExport(
+                "gyro: must be given for what becomes flight code, whose filter takes in rates, "
+                "got nothing"
+            )
         return FlightController(*parts, navigation.estimator, navigation.attitude_sigma)
 
     def sample(self, now: Input, state: State) -> tuple[SampleCommands, State]:
@@ -249,7 +254,8 @@ def measured_by(
     """Return measurements as the input of a sample; `vectors` names those of vectors."""
     attitude = None if measurement.attitude is None else measurement.attitude.q
     named = dict(zip(vectors, measurement.vectors, strict=True))
-    return Measured(measurement.rate, attitude, measurement.seen, wheel_momentum, **named)
+    rate = cast(Array, measurement.rate)
+    return Measured(rate, attitude, measurement.seen, wheel_momentum, **named)
 
 
 def vectors_of(loop: SampledLoop) -> list[str]:

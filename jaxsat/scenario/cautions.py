@@ -20,6 +20,7 @@ from jaxsat.scenario.domain import believed_normal_form, domain_cautions
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.flexibility import flexibility_cautions
 from jaxsat.scenario.holding import nearest_held
+from jaxsat.scenario.parts.estimator import estimator_cautions
 from jaxsat.scenario.parts.failures import failure_cautions
 from jaxsat.scenario.parts.sensors import sensor_cautions
 from jaxsat.scenario.quantities import inertia_matrix
@@ -60,6 +61,7 @@ def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
         *_one_torque_cautions(scenario),
         *failure_cautions(scenario),
         *sensor_cautions(scenario),
+        *estimator_cautions(scenario),
         *actuator_cautions(scenario),
         *flexibility_cautions(scenario),
         *resolution_cautions(scenario),

@@ -19,7 +19,7 @@ from jaxsat.core.allocation import (
 )
 from jaxsat.core.declaration.actuators import PASSIVE, STEERED
 from jaxsat.core.declaration.sensor import TACHOMETER
-from jaxsat.core.declaration.sensors import HOLD_SAMPLES
+from jaxsat.core.declaration.sensors import HOLD_SAMPLES, SENSORS
 from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.scenario.parts.torque_makers import TorqueMakers, signs
 from jaxsat.scenario.quantities import inertia_matrix
@@ -49,6 +49,11 @@ def has_invalid_samples(scenario: Any) -> bool:
     gyro_fails = any(one.of == "gyro" for one in scenario.failure)
     tachometer_fails = any(one.part == TACHOMETER for one in scenario.failure)
     return gyro_ends or gyro_fails or tachometer_fails or has_invalid_momenta(scenario)
+
+
+def has_sensors(scenario: Any) -> bool:
+    """Whether a checked scenario declares what its sampled law measures."""
+    return any(getattr(scenario, name) for name in ("sampling", *(one.name for one in SENSORS)))
 
 
 def has_invalid_momenta(scenario: Any) -> bool:

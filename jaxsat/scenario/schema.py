@@ -15,13 +15,14 @@ from jaxsat.scenario.control import ControlTable
 from jaxsat.scenario.dispersion_tables import DispersionTable
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.disturbances import DisturbanceTable, PanelTable
+from jaxsat.scenario.parts.estimator import EstimatorOfAKind
 from jaxsat.scenario.parts.failures import FailureTable
 from jaxsat.scenario.parts.named import ActuatorsOfAKind
 from jaxsat.scenario.parts.orbit import OrbitTable
 from jaxsat.scenario.parts.registry import TABLES, TYPES
 from jaxsat.scenario.parts.requirements import RequirementTable
 from jaxsat.scenario.parts.sensors import TABLES as SENSORS
-from jaxsat.scenario.parts.sensors import EstimatorOfAKind, SamplingTable
+from jaxsat.scenario.parts.sensors import SamplingTable
 from jaxsat.scenario.parts.thrusters import ModulationTable
 from jaxsat.scenario.parts.wheels import UnloadingTable
 from jaxsat.scenario.quantities import Line, ScenarioTable, Text, choice, table_with
@@ -82,7 +83,7 @@ class Scenario(table_with(_TYPES | _PARTS | SENSORS, _Body)):
     )
     sampling: SamplingTable | None = choice("Sensors and delay of a sampled law", None)
     estimator: EstimatorOfAKind | None = choice(
-        "Estimator that gives the law attitude and rates from both", None
+        "Estimator that gives the law attitude and rates from these sensors", None
     )
     dispersion: DispersionTable | None = choice("What a Monte-Carlo study disperses", None)
     tuning: TuningTable | None = choice("Which gains are tuned, and how", None)

@@ -105,6 +105,7 @@ UNITS: Mapping[str, Mapping[str, KeyUnit]] = {
         "_deg_sqrt_h": KeyUnit("deg/√h", DEGREE / 60),
     },
     "_T": {"_nT": KeyUnit("nT", 1e-9)},
+    "_sqrt_Hz": {},  # of any other density, which is no frequency
     "_rad_s2_sqrt_Hz": {"_deg_s2_sqrt_Hz": KeyUnit("deg/s²/√Hz", DEGREE)},
 }
 """Key endings in SI, and the alternative endings of each."""

@@ -50,6 +50,7 @@ class _Planned(NamedTuple):
     plans: OfEach
     memory: Memory
     guard: GuardState | None
+    decision: Decision | None = None
 
 
 Integrator = Callable[[RealScalar, Hold, PlantState, PyTree], tuple[PlantState, PyTree]]
@@ -128,27 +129,27 @@ class SampledLoop(AbstractLoop):
 
     def told(self, number: IntScalar, state: SampledState) -> Told:
         """The controller's input at sample `number` of the run, from the true `state`."""
-        measurement = self._with_exact_momenta(number, state)
+        plant, last = state.plant, state.momenta
         if self.tachometers is None:
-            return measurement
-        each, last = self.tachometers(number, measurement.state.of_each), state.momenta
+            return self._told_of(number, plant, state.navigation)
+        each = self.tachometers(number, plant.of_each)
         if last is not None:
             each, last = self.tachometers.read(number, self.controller.period, each, last)
-        own = dataclasses.replace(measurement.state, effectors=each)
-        told = measurement._replace(state=own, momenta=last)
+        plant = dataclasses.replace(plant, effectors=each)
+        told = self._told_of(number, plant, state.navigation)._replace(momenta=last)
         valid = self.tachometers.is_valid(number, self.controller.period)
         if valid is None:
             return told
         return told._replace(valid=valid if told.valid is None else valid & told.valid)
 
-    def _with_exact_momenta(self, number: IntScalar, state: SampledState) -> Told:
-        """The controller's input, with exact wheel momenta."""
-        if self.navigation is not None and state.navigation is not None:
-            period = self.controller.period
-            return self.navigation.told(number, period, state.plant, state.navigation)
+    def _told_of(
+        self, number: IntScalar, plant: PlantState, navigation: NavigationState | None
+    ) -> Told:
+        """The controller's input for the true state of the body and measured momenta of wheels."""
+        if self.navigation is not None and navigation is not None:
+            return self.navigation.told(number, self.controller.period, plant, navigation)
         if self.sensors is None:
-            return Told(state.plant)
-        plant = state.plant
+            return Told(plant)
         attitude, omega = self.sensors(number, plant.attitude, plant.omega)
         return Told(PlantState(attitude, omega, plant.effectors))
 
@@ -185,7 +186,8 @@ class SampledLoop(AbstractLoop):
 
         Returns the state at its end, the carry, and the signals at its begin.
         """
-        measurement, shares, plans, memory, guard = self._planned(number, t, state)
+        planned = self._planned(number, t, state)
+        measurement, shares, plans, memory, guard, _ = planned
         plant, carry, running = self._through(t, plans, state, integrate, carry)
         parts = zip(self.plant.effectors, plans, running, strict=True)
         pairs = [one.finish(plan, now) for one, plan, now in parts]
@@ -195,7 +197,7 @@ class SampledLoop(AbstractLoop):
             memory,
             tuple(own for own, _ in pairs),
             None if self.delay is None else shares.uses,
-            measurement.navigation,
+            self._with_torque(t, planned, state),
             guard,
             measurement.momenta,
         )
@@ -212,7 +214,29 @@ class SampledLoop(AbstractLoop):
         shares, after = guard.asked(decision, shares, before)
         memory = jax.tree.map(partial(jnp.where, law_input.valid), memory, state.memory)
         plans = self._plans(t, shares.uses, state, decision)
-        return _Planned(law_input, shares, plans, memory, after)
+        return _Planned(law_input, shares, plans, memory, after, decision)
+
+    def _with_torque(
+        self, t: RealScalar, planned: _Planned, state: SampledState
+    ) -> NavigationState | None:
+        """The navigation's next state, with the torque commanded in the period that begins at `t`
+        (s), N m: that of the body of a navigation without a gyro, whose actuators obey."""
+        following, navigation = planned.told.navigation, self.navigation
+        if following is None or navigation is None or navigation.body is None:
+            return following
+        obeying = dataclasses.replace(self, plant=navigation.body)
+        plans = obeying._plans(t, planned.shares.uses, state, planned.decision)
+        parts = list(zip(navigation.body.effectors, plans, strict=True))
+        commands = tuple(
+            one.finish(plan, one.run(plan, self.controller.period))[1] for one, plan in parts
+        )
+        middle, told = t + self.controller.period / 2, planned.told.state
+        torque = navigation.outer_torque(middle, told, commands)
+        if self.delay is not None:
+            before = obeying._before(state, commands)
+            earlier = navigation.outer_torque(middle, told, before)
+            torque = torque + self.delay / self.controller.period * (earlier - torque)
+        return following._replace(torque=torque)
 
     def _shares(self, t: RealScalar, estimate: PlantState, memory: Memory) -> tuple[Shares, Memory]:
         """Each effector's share of the command at a sample, and the law's memory."""

@@ -57,7 +57,15 @@ class Oracle:
         size = np.repeat([self.walk**2 * self.period, self.variance], 3)
         covariance = transition @ covariance @ transition.T
         covariance = covariance + disturbed @ np.diag(size) @ disturbed.T
-        return attitude * Rotation.from_rotvec(angle), bias, covariance
+        return self.turned(attitude, angle), bias, covariance
+
+    @staticmethod
+    def turned(attitude, angle):
+        return attitude * Rotation.from_rotvec(angle)
+
+    @staticmethod
+    def corrected_by(attitude, error):
+        return attitude * Rotation.from_quat([*error / 2, 1])
 
     def corrected(self, state, measured):
         if measured is None:
@@ -92,5 +100,4 @@ class Oracle:
         error = gain @ rows @ error
         left = np.eye(9) - gain @ observed
         covariance = left @ covariance @ left.T + gain @ noise @ gain.T
-        step = Rotation.from_quat([*error[:3] / 2, 1])
-        return attitude * step, bias + error[3:6], covariance
+        return self.corrected_by(attitude, error[:3]), bias + error[3:6], covariance

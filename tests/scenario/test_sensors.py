@@ -9,13 +9,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxsat.control.navigation.dynamics_filter import DynamicsFilter
 from jaxsat.control.navigation.estimator import RawMeasurements
 from jaxsat.control.navigation.mekf import MultiplicativeFilter
+from jaxsat.flight.flight import CannotExport, FlightController
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.scenario.errors import ScenarioWarning
+from jaxsat.spacecraft.environment.disturbances import GravityGradient
 from scenario.mistakes import SWITCHING, THREE_AXIS, problems_of
 
 GYRO = """
@@ -36,6 +39,7 @@ latency_s = 0.2
 rate_limit_rad_s = 0.1
 """
 BOTH = GYRO + TRACKER
+DYNAMICS = "[estimator]\nrate_sigma_rad_s = 0.1\ntorque_noise_N_m_sqrt_Hz = 1e-3\n"
 MAGNETOMETER = "[magnetometer]\nnoise_nT = 100\n"
 SUN_SENSOR = "[sun_sensor]\nnoise_deg = 0.1\nboresight = [1, 0, 0]\nhalf_angle_deg = 60\n"
 
@@ -48,7 +52,37 @@ SUN_SENSOR = "[sun_sensor]\nnoise_deg = 0.1\nboresight = [1, 0, 0]\nhalf_angle_d
             "star_tracker",
             "must be given with [gyro], or else [magnetometer]",
         ),
-        (TRACKER, "gyro", "must be given with [star_tracker], got nothing"),
+        (
+            TRACKER,
+            "gyro",
+            "must be given with [star_tracker], or else estimator.rate_sigma_rad_s and "
+            "estimator.torque_noise_N_m_sqrt_Hz, for a filter that predicts the rates",
+        ),
+        (
+            TRACKER + "[estimator]\nrate_sigma_deg_s = 1",
+            "estimator.torque_noise_N_m_sqrt_Hz",
+            "must be given with [star_tracker] without [gyro], got nothing",
+        ),
+        (
+            BOTH + "[estimator]\ntorque_noise_N_m_sqrt_Hz = 1e-3",
+            "estimator.torque_noise_N_m_sqrt_Hz",
+            "must be left out with [gyro], got 0.001",
+        ),
+        (
+            TRACKER + "[estimator]\nkind = 'none'",
+            "estimator.kind",
+            'must be "mekf" without [gyro], got "none"',
+        ),
+        (
+            TRACKER + DYNAMICS + "torque_noise_N_m_s_sqrt_Hz = 1e-3",
+            "estimator.torque_noise_N_m_s_sqrt_Hz",
+            "did you mean torque_noise_N_m_sqrt_Hz?",
+        ),
+        (
+            TRACKER + DYNAMICS.replace("0.1", "-0.1"),
+            "estimator.rate_sigma_rad_s",
+            "must be at least 0",
+        ),
         ("[estimator]\nkind = 'mekf'", "estimator", "must belong to [gyro] and [star_tracker]"),
         (
             BOTH + "[estimator]\nkind = 'ukf'",
@@ -100,7 +134,7 @@ SUN_SENSOR = "[sun_sensor]\nnoise_deg = 0.1\nboresight = [1, 0, 0]\nhalf_angle_d
             "star_tracker.across_rad",
             "must be at least 1e-09",
         ),
-        (MAGNETOMETER + SUN_SENSOR, "gyro", "must be given with [magnetometer], got nothing"),
+        (MAGNETOMETER + SUN_SENSOR, "gyro", "must be given with [magnetometer], or else"),
         (
             GYRO + SUN_SENSOR,
             "magnetometer",
@@ -129,7 +163,7 @@ SUN_SENSOR = "[sun_sensor]\nnoise_deg = 0.1\nboresight = [1, 0, 0]\nhalf_angle_d
         (
             BOTH + "[sampling]\nattitude_noise_rad = 1e-5",
             "sampling.attitude_noise_rad",
-            "must be omitted with [gyro] and [star_tracker], got 1e-05",
+            "must be omitted with [star_tracker], got 1e-05",
         ),
     ],
 )
@@ -168,12 +202,15 @@ def test_what_is_declared_is_built(tmp_path):
 
 
 def test_the_example_of_the_page_can_be_run(tmp_path):
-    """The page docs/sensors.md, as it stands."""
+    """The page docs/sensors.md, as it stands: with a gyro, and without."""
     page = Path(__file__).parents[2] / "docs" / "sensors.md"
-    example, *_ = re.findall(r"(?ms)^```toml\n(.*?)^```", page.read_text(encoding="utf-8"))
+    example, *others = re.findall(r"(?ms)^```toml\n(.*?)^```", page.read_text(encoding="utf-8"))
     run: Any = build(loaded(tmp_path, "\n" + example))
     navigation = run.loop.navigation
     assert (navigation.tracker.every, navigation.tracker.latency) == (5, 2)
+    (without,) = [one for one in others if "torque_noise" in one]
+    run = build(loaded(tmp_path, "\n" + without, ["initial.omega_rad_s=[0.01, 0, 0]"]))
+    assert isinstance(run.loop.navigation.estimator, DynamicsFilter)
 
 
 def test_vectors_are_built_in_the_field_and_under_the_sun_of_the_scenario(tmp_path):
@@ -248,3 +285,72 @@ def test_a_case_draws_its_errors_from_its_own_key(tmp_path):
     assert off.std() == pytest.approx(1e-5, rel=0.1)
     angles = 2 * np.sqrt(1 - np.sum(np.asarray(states.memory.belief.q * true), axis=1) ** 2)
     assert np.sqrt(np.mean(angles**2)) == pytest.approx(0.01 * np.sqrt(3), rel=0.1)
+
+
+WHEELS = """
+[[wheel]]
+axis = [1, 0, 0]
+tachometer_noise_N_m_s = 1e-3
+[[wheel]]
+axis = [0, 1, 1]
+tachometer_noise_N_m_s = 2e-3
+"""
+
+
+def test_a_filter_without_a_gyro_knows_the_declared_body(tmp_path):
+    """Its actuators without failures, of the disturbances the gravity gradient, tachometers."""
+    failure = "\n[[failure]]\nof = 'thruster 1'\nat_s = 10\nkind = 'dead'\n"
+    changes = ["disturbance.gravity_gradient=true", "disturbance.constant_N_m=[1, 0, 0]"]
+    torques = "torque_sigma_N_m = 2\ntorque_walk_N_m_s_sqrt_Hz = 0.1\n"
+    text = TRACKER + DYNAMICS + torques + failure
+    run: Any = build(loaded(tmp_path, text, changes))
+    navigation = run.loop.navigation
+    estimator, model = navigation.estimator, navigation.body
+    assert isinstance(estimator, DynamicsFilter)
+    assert navigation.gyro is None
+    assert run.loop.sensors is None
+    assert estimator.body is model
+    assert run.loop.plant.effectors[0].failures is not None
+    assert model.effectors[0].failures is None
+    assert isinstance(model.disturbance, GravityGradient)
+    torques = estimator.torques
+    numbers = (torques.noise, torques.sigma, torques.walk, estimator.rate_sigma)
+    assert [float(one) for one in numbers] == [1e-3, 2.0, 0.1, 0.1]
+    assert estimator.latency == 2
+    assert estimator.momentum_noise is None
+
+
+def test_tachometers_are_known_with_their_noise(tmp_path):
+    wheels = SWITCHING.replace("thruster_torque_axes = [[1, 0, 0], [0, 1, 0]]\n", "")
+    path = tmp_path / "own.toml"
+    names = ("rate_slope_limit_rad_s2", "three_axis_slope_limit_rad_s2")
+    limits = "k1 = 0.4\n" + "".join(f"{name} = [0.1, 0.1]\n" for name in names)
+    wheels = wheels.replace("torque_limit_N_m = 5\n", "").replace("k1 = 0.4\n", limits)
+    path.write_text(wheels + WHEELS + TRACKER + DYNAMICS, encoding="utf-8")
+    run: Any = build(load(path))
+    axes = np.array([[1.0, 0, 0], [0, np.sqrt(0.5), np.sqrt(0.5)]]).T
+    expected = axes @ np.diag([1e-6, 4e-6]) @ axes.T
+    np.testing.assert_allclose(run.loop.navigation.estimator.momentum_noise, expected)
+
+
+def test_a_filter_without_a_gyro_does_not_become_flight_code(tmp_path):
+    run: Any = build(loaded(tmp_path, TRACKER + DYNAMICS))
+    with pytest.raises(CannotExport, match="gyro: must be given for what becomes flight code"):
+        FlightController.of(run.loop)
+
+
+NUMBERS = "estimator={rate_sigma_rad_s=0.1, torque_noise_N_m_sqrt_Hz=1e-3}"
+
+
+def test_what_a_filter_without_a_gyro_cannot_know_is_refused(tmp_path):
+    own = SWITCHING.replace("[[1, 0, 0], [0, 1, 0]]", "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]")
+    held = own.replace("torque_limit_N_m = 5", 'torque_limit_N_m = 5\nthird_rate = "held"')
+    found = problems_of(held + TRACKER + DYNAMICS, tmp_path)
+    messages = {one.key: one.message for one in found}
+    assert 'must be "free" without [gyro]' in messages["spacecraft.third_rate"]
+    outage = "tachometer_outage_start_s = 5\ntachometer_outage_s = 2\n"
+    (problem,) = problems_of(SWITCHING + WHEELS + outage + TRACKER + DYNAMICS, tmp_path)
+    assert problem.key == "wheel.tachometer_outage_start_s"
+    assert "must be left out without [gyro]" in problem.message
+    with pytest.raises(ScenarioError, match=r"gyro: must be given with this law, which finds"):
+        load("failures-12u", ["star_tracker={across_rad=1e-5, along_rad=1e-4}", NUMBERS])

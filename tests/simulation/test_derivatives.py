@@ -129,6 +129,14 @@ def navigation(estimator):
     return scenario_of(LAW, control={"law": LAW, **KEYS[LAW], "period_s": 0.1}, **sensors)
 
 
+def without_a_gyro():
+    """The filter that predicts rates by the dynamics and a torque that it estimates."""
+    torques = ("torque_noise_N_m_sqrt_Hz", "torque_sigma_N_m", "torque_walk_N_m_s_sqrt_Hz")
+    table = {"rate_sigma_rad_s": 0.01} | dict.fromkeys(torques, 1e-3)
+    control = {"law": LAW, **KEYS[LAW], "period_s": 0.1}
+    return scenario_of(LAW, control=control, star_tracker=TRACKER, estimator=table)
+
+
 TORQUES = {
     "amplitude_N_m": [0.01, 0.02, 0.001],
     "frequency_rad_s": [0.7, 0.8, 0.1],
@@ -269,6 +277,7 @@ class Part(NamedTuple):
 OF_JAXSAT = [ideal, pulsed, wheels, magnetorquers, noise_and_delay, disturbances, panels]
 OF_JAXSAT += [failing_ideal_thrusters, failing_pulsed_thrusters, failing_magnetorquers]
 OF_JAXSAT += [failing_wheels, failing_wheels_without_rotors, gimbals, flexible_modes]
+OF_JAXSAT += [without_a_gyro]
 PARTS = [Part(one.__name__, one) for one in OF_JAXSAT] + [estimated(kind) for kind in ESTIMATOR.own]
 PARTS += [Part("tachometers", tachometers, "healthy.natural_frequency")]
 PLUGINS = [
@@ -300,7 +309,7 @@ def of_the_docs(page, control=None, failed=None):
 SLOW = {"failing_wheels", "failing_pulsed_thrusters", "failing_magnetorquers", "tachometers"}
 SLOW |= {"noise_and_delay", "disturbances", "panels", "navigation-none", "magnetorquers"}
 SLOW |= {"failing_wheels_without_rotors", "navigation-mekf", "wheels"}
-SLOW |= {"flexible_modes", "gimbals"}
+SLOW |= {"flexible_modes", "gimbals", "without_a_gyro"}
 ALL = [
     pytest.param(one, id=one.name, marks=[pytest.mark.slow] if one.name in SLOW else [])
     for one in PARTS + PLUGINS

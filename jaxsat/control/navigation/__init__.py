@@ -1,5 +1,7 @@
 """Navigation for sampled laws: estimators, and sensors with a state."""
 
+from jaxsat.control.navigation.dynamics_filter import DynamicsFilter as DynamicsFilter
+from jaxsat.control.navigation.dynamics_filter import TorqueModel as TorqueModel
 from jaxsat.control.navigation.estimator import AbstractEstimator as AbstractEstimator
 from jaxsat.control.navigation.estimator import Estimate as Estimate
 from jaxsat.control.navigation.estimator import EstimatorContext as EstimatorContext

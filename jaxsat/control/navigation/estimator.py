@@ -11,6 +11,7 @@ from jaxtyping import Array, Float, PyTree
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.trigonometry import cos, sin
+from jaxsat.spacecraft.dynamics import RigidBody
 from jaxsat.spacecraft.environment.orbit import AbstractOrbit
 from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
 from jaxsat.spacecraft.vector_sensors import Observation, VectorSensor
@@ -70,12 +71,19 @@ class Measurement(NamedTuple):
     The attitude is older by the latency of the sensors; there is none where `seen` is false.
     Without a star tracker both are None. `vectors` are the simultaneous measurements of
     magnetometer, Sun sensor and horizon sensor, in this order, without absent ones.
+
+    Without a gyro `rate` is None. `torque` (N m, body axes) is then the mean of what thrusters and
+    magnetorquers were commanded since the last sample, and `momentum` (N m s, body axes) what
+    tachometers and gimbals measure now of the momentum relative to the body, None where no device
+    stores any.
     """
 
-    rate: Vector
+    rate: Vector | None
     attitude: Quaternion | None
     seen: BoolScalar | None
     vectors: tuple[Observation, ...] = ()
+    torque: Vector | None = None
+    momentum: Vector | None = None
 
 
 class Estimate(NamedTuple):
@@ -104,14 +112,16 @@ class EstimatorContext(NamedTuple):
     orbit, and the sample period (s).
 
     `tracker` is None without a star tracker; `vectors` are the present ones of magnetometer, Sun
-    sensor and horizon sensor, in this order.
+    sensor and horizon sensor, in this order. Without a gyro `gyro` is None, and `body` is the
+    declared spacecraft with its actuators as they are without failures.
     """
 
-    gyro: Gyro
+    gyro: Gyro | None
     tracker: StarTracker | None
     orbit: AbstractOrbit
     period: RealScalar
     vectors: tuple[VectorSensor, ...] = ()
+    body: RigidBody | None = None
 
     @property
     def latency(self) -> int:
@@ -161,7 +171,8 @@ class RawMeasurements(AbstractEstimator):
     def step(
         self, sample: IntScalar, period: RealScalar, measurement: Measurement, memory: Quaternion
     ) -> tuple[Estimate, Quaternion]:
-        """The measurement as an estimate; vectors are ignored."""
+        """The measurement as an estimate; vectors are ignored. There must be a rate."""
+        assert measurement.rate is not None
         if measurement.attitude is None or measurement.seen is None:
             return Estimate(memory, measurement.rate), memory
         q = jnp.where(measurement.seen, measurement.attitude.q, memory.q)

@@ -1,6 +1,5 @@
 """A multiplicative extended Kalman filter: attitude error and gyro bias, six states."""
 
-from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -8,16 +7,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.control.navigation.estimator import (
-    AbstractEstimator,
-    Estimate,
-    Measurement,
-    difference,
-    product,
-    rotation,
-    towards,
-)
+from jaxsat.control.navigation.estimator import Estimate, Measurement, rotation
 from jaxsat.control.navigation.innovation import InnovationRecord, InnovationTest
+from jaxsat.control.navigation.kalman_filter import AbstractKalmanFilter, Gains, corrected, turned
 from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.trees import apart
@@ -41,6 +33,26 @@ class Belief(NamedTuple):
     attitude_noise: Matrix
     bias_noise: Matrix
 
+    def narrowed(
+        self, axis: Vector, variance: RealScalar, valid: BoolScalar
+    ) -> "tuple[Belief, Gains]":
+        """The covariances after a measurement of δ along an axis with this variance (rad²)."""
+        attitude, bias = self.attitude @ axis, axis @ self.cross
+        scale = jnp.where(valid, 1 / (axis @ attitude + variance), 0.0)
+        noise = scale * (axis @ self.attitude_noise)
+        narrowed = self._replace(
+            attitude=self.attitude - scale * _outer(attitude, attitude),
+            cross=self.cross - scale * _outer(attitude, bias),
+            bias=self.bias - scale * _outer(bias, bias),
+            attitude_noise=self.attitude_noise - _outer(attitude, noise),
+            bias_noise=self.bias_noise - _outer(bias, noise),
+        )
+        return narrowed, Gains((attitude, bias), scale)
+
+    def shifted(self, attitude: Vector, bias: Vector) -> "Belief":
+        """The belief turned by a small rotation (rad), with a change of the bias (rad/s)."""
+        return self._replace(q=Quaternion(self.q).turned(attitude).q, b=self.b + bias)
+
 
 class KalmanMemory(NamedTuple):
     """The belief at the sample of the latest arrivals, and the rates since (rad/s).
@@ -53,7 +65,7 @@ class KalmanMemory(NamedTuple):
     record: InnovationRecord | None = None
 
 
-class MultiplicativeFilter(AbstractEstimator):
+class MultiplicativeFilter(AbstractKalmanFilter):
     """The multiplicative extended Kalman filter of Lefferts, Markley and Shuster (1982).
 
     Between samples the attitude turns by the trapezoidal mean of the measured rates less the
@@ -80,11 +92,6 @@ class MultiplicativeFilter(AbstractEstimator):
     vector_latency: int = eqx.field(static=True, default=0)
     test: InnovationTest | None = None
 
-    @property
-    def latency(self) -> int:
-        """Number of samples until a measurement has arrived."""
-        return max(self.vector_latency, 0 if self.tracker is None else self.tracker.latency)
-
     def init(self, attitude: Quaternion, sigma: RealScalar) -> KalmanMemory:
         """A belief without correlations and with zero bias.
 
@@ -94,16 +101,14 @@ class MultiplicativeFilter(AbstractEstimator):
         zero = jnp.zeros_like(identity)
         bias = identity * (self.gyro.bias_sigma**2 + self.gyro.bias**2)[:, None]
         belief = Belief(attitude.q, zero[0], sigma**2 * identity, zero, bias, zero, zero)
-        record = None
-        if self.test is not None:
-            sensors = len(self.vector_noise) + (self.tracker is not None)
-            record = self.test.init(sensors, zero)
-        return KalmanMemory(belief, jnp.zeros((self.latency + 1, 3), zero.dtype), record)
+        rates = jnp.zeros((self.latency + 1, 3), zero.dtype)
+        return KalmanMemory(belief, rates, self.first_record(zero))
 
     def step(
         self, sample: IntScalar, period: RealScalar, measurement: Measurement, memory: KalmanMemory
     ) -> tuple[Estimate, KalmanMemory]:
         """The estimate with all measurements that have arrived by this sample."""
+        assert measurement.rate is not None
         rates = jnp.concatenate([memory.rates, measurement.rate[None]])
         first = sample - self.latency - 1
 
@@ -114,22 +119,12 @@ class MultiplicativeFilter(AbstractEstimator):
             return apart(_moved, self, belief, *arguments)
 
         predicted = moved(0, memory.belief)
-        belief, record = apart(_corrected, self, predicted, measurement, memory.record)
+        belief, record = apart(corrected, self, predicted, measurement, memory.record)
         now = belief
         if self.latency:
             now = jax.lax.fori_loop(1, self.latency + 1, moved, belief)
         estimate = self._estimate(now, measurement.rate, period)
-        if self.test is not None and record is not None:
-            excluded = self.test.excluded(record)
-            estimate = estimate._replace(innovation=record.innovation, excluded=excluded)
-        return estimate, KalmanMemory(belief, rates[1:], record)
-
-    def counts(self, memory: KalmanMemory) -> dict[str, Float[Array, " sensors"]]:
-        """Rejected readings and exclusions of each attitude sensor; none without a test."""
-        record = memory.record
-        if record is None:
-            return {}
-        return {"rejected_readings": record.rejections, "sensor_exclusions": record.exclusions}
+        return self.with_test(estimate, record), KalmanMemory(belief, rates[1:], record)
 
     def moved(
         self, belief: Belief, begin: Vector, end: Vector, length: RealScalar, period: RealScalar
@@ -153,7 +148,7 @@ class MultiplicativeFilter(AbstractEstimator):
         attitude = (with_attitude - half * with_noise) @ a.T - with_bias @ g.T
         attitude = (attitude + attitude.T) / 2 + half**2 * (walk + after)
         return Belief(
-            self._turned(belief.q, turn, half),
+            turned(belief.q, turn, half, self.orbit),
             belief.b,
             attitude,
             with_bias - half * walk,
@@ -161,51 +156,6 @@ class MultiplicativeFilter(AbstractEstimator):
             -half * after,
             jnp.zeros_like(after),
         )
-
-    def corrected(
-        self, belief: Belief, measurement: Measurement, record: InnovationRecord | None
-    ) -> tuple[Belief, InnovationRecord | None]:
-        """The belief after the available measurements of attitude and vectors, and the record."""
-        tracker, attitude, valid = self.tracker, measurement.attitude, measurement.seen
-        sensor, test = 0, self.test
-        if tracker is not None and attitude is not None and valid is not None:
-            off = difference(Quaternion(belief.q), attitude)
-            variances = tuple(sigma**2 for sigma in tracker.deviations)
-            limit = None if test is None else test.attitude_threshold
-            turn = (off, tracker.axes, variances, valid)
-            belief, record = self._tested(belief, turn, record, sensor, limit)
-            sensor += 1
-        limit = None if test is None else test.vector_threshold
-        for sigma, one in zip(self.vector_noise, measurement.vectors, strict=True):
-            expected = Quaternion(belief.q).as_dcm().matrix @ one.reference
-            rows = jnp.cross(jnp.eye(3, dtype=expected.dtype), expected[None])  # of [v x]
-            off, variances = towards(expected, one.measured), (sigma**2,) * 3
-            turn = (off, rows, variances, one.seen)
-            belief, record = self._tested(belief, turn, record, sensor, limit)
-            sensor += 1
-        return belief, record
-
-    def _tested(
-        self,
-        belief: Belief,
-        turn: tuple[Vector, Matrix, tuple[RealScalar, ...], BoolScalar],
-        record: InnovationRecord | None,
-        sensor: int,
-        limit: RealScalar | None,
-    ) -> tuple[Belief, InnovationRecord | None]:
-        """The belief after a reading of a sensor, given as `_taken_in` takes it, if it passes."""
-        after, square = _taken_in(belief, *turn)
-        if self.test is None or record is None or limit is None:
-            return after, record
-        used, record = self.test.judged(record, sensor, square, limit, turn[-1])
-        return jax.tree.map(partial(jnp.where, used), after, belief), record
-
-    def _turned(self, q, turn: Quaternion, half) -> Float[Array, "4"]:
-        """The attitude after the body's turn, with the orbit frame's own split around it."""
-        q = Quaternion(q)
-        q = q.turned(-half * self.orbit.frame_rate(q))
-        q = product(q, turn)
-        return q.turned(-half * self.orbit.frame_rate(q)).q
 
     def _variance(self, rate, period) -> Vector:
         """Variance of a measured rate about each axis; that of the whole range at its limit."""
@@ -222,57 +172,6 @@ class MultiplicativeFilter(AbstractEstimator):
 @eqx.filter_jit
 def _moved(estimator: MultiplicativeFilter, belief: Belief, *arguments: Array) -> Belief:
     return estimator.moved(belief, *arguments)
-
-
-@eqx.filter_jit
-def _corrected(
-    estimator: MultiplicativeFilter,
-    belief: Belief,
-    measurement: Measurement,
-    record: InnovationRecord | None,
-) -> tuple[Belief, InnovationRecord | None]:
-    return estimator.corrected(belief, measurement, record)
-
-
-def _taken_in(
-    belief: Belief, off: Vector, axes: Matrix, variances: tuple[RealScalar, ...], seen: BoolScalar
-) -> tuple[Belief, RealScalar]:
-    """The belief after measurement of a small rotation (rad) by its components along `axes`.
-
-    Each has a variance, in (rad times the length of its axis)². The second result is the normalised
-    square of the innovation: the sum of those of the components, each given the ones before.
-    """
-    attitude, bias = jnp.zeros_like(belief.b), jnp.zeros_like(belief.b)
-    square = jnp.zeros_like(attitude[0])
-    for axis, variance in zip(axes, variances, strict=True):
-        belief, gains, scale = _narrowed(belief, axis, variance, seen)
-        innovation = axis @ (off - attitude)
-        surprise = scale * innovation
-        square = square + surprise * innovation
-        attitude, bias = attitude + surprise * gains[0], bias + surprise * gains[1]
-    q = Quaternion(belief.q).turned(attitude).q
-    return belief._replace(q=q, b=belief.b + bias), square
-
-
-def _narrowed(
-    belief: Belief, axis: Vector, variance: RealScalar, valid: BoolScalar
-) -> tuple[Belief, tuple[Vector, Vector], RealScalar]:
-    """The covariances after a measurement of δ along an axis with this variance (rad²).
-
-    The tuple also has E δy and E βy of the measured y, and the inverse of its variance (zero
-    without a measurement), which form the gains.
-    """
-    attitude, bias = belief.attitude @ axis, axis @ belief.cross
-    scale = jnp.where(valid, 1 / (axis @ attitude + variance), 0.0)
-    noise = scale * (axis @ belief.attitude_noise)
-    narrowed = belief._replace(
-        attitude=belief.attitude - scale * _outer(attitude, attitude),
-        cross=belief.cross - scale * _outer(attitude, bias),
-        bias=belief.bias - scale * _outer(bias, bias),
-        attitude_noise=belief.attitude_noise - _outer(attitude, noise),
-        bias_noise=belief.bias_noise - _outer(bias, noise),
-    )
-    return narrowed, (attitude, bias), scale
 
 
 def _outer(x: Vector, y: Vector) -> Matrix:

@@ -20,10 +20,11 @@ from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float, not_negative
 from jaxsat.core.noise import fold_in, name_number, sample_noise
-from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
 from jaxsat.spacecraft.sensor_failures import SensorCondition, SensorFailures, SensorReading
 from jaxsat.spacecraft.sensors import as_key, in_parameters_of
+from jaxsat.spacecraft.spacecraft import OfEach
 from jaxsat.spacecraft.vector_sensors import Observation, VectorSensor
 
 
@@ -43,14 +44,16 @@ class NavigationState(NamedTuple):
 
     The oldest undelivered one is first; None for sensors without latency. `rate` is the last valid
     reading of the gyro (rad/s), None where all are valid and it does not fail. `last` is the last
-    reading of each attitude sensor, None where none fails.
+    reading of each attitude sensor, None where none fails. Without a gyro `bias` is None, and
+    `torque` (N m) is the mean torque commanded since the last sample.
     """
 
-    bias: Vector
+    bias: Vector | None
     waiting: Delivery | None
     memory: PyTree
     rate: Vector | None = None
     last: Delivery | None = None
+    torque: Vector | None = None
 
 
 class Told(NamedTuple):
@@ -76,10 +79,11 @@ class Navigation(eqx.Module):
     has arrived. At least one is given: `tracker`, `magnetometer`, `sun_sensor`, `horizon_sensor`.
     `attitude_sigma` (rad) is the standard deviation of the first estimate about each axis. All
     randomness is a function of `key` (two 32-bit words) and of the sample's number. `failures`
-    number the attitude sensors that are given, in this order.
+    number the attitude sensors that are given, in this order. Without a gyro the `body` is given:
+    the declared one, whose actuators obey.
     """
 
-    gyro: Gyro
+    gyro: Gyro | None
     tracker: StarTracker | None
     estimator: AbstractEstimator
     attitude_sigma: RealScalar = eqx.field(converter=not_negative("attitude_sigma"), default=0.0)
@@ -88,8 +92,11 @@ class Navigation(eqx.Module):
     sun_sensor: VectorSensor | None = None
     horizon_sensor: VectorSensor | None = None
     failures: SensorFailures | None = None
+    body: RigidBody | None = None
 
     def __check_init__(self):
+        if (self.gyro is None) == (self.body is None):
+            raise ValueError("Argument `body` must be given without `gyro`, and only then.")
         if self.tracker is None and not self.vectors:
             raise ValueError("Argument `tracker` must be given without another such sensor.")
 
@@ -108,8 +115,11 @@ class Navigation(eqx.Module):
         count, waiting = latency_of(self.tracker, self.vectors), None
         if count:
             waiting = jax.tree.map(lambda part: jnp.stack([part] * count), self._nothing(true))
-        rate = jnp.zeros_like(state.omega) if self.gyro.repeats else None
         last = None if self.failures is None else self._nothing(true)
+        zero = jnp.zeros_like(state.omega)
+        if self.gyro is None:
+            return NavigationState(None, waiting, memory, None, last, zero)
+        rate = zero if self.gyro.repeats else None
         return NavigationState(self.gyro.first_bias(noise[:3]), waiting, memory, rate, last)
 
     def step(
@@ -117,12 +127,11 @@ class Navigation(eqx.Module):
     ) -> tuple[Estimate, NavigationState]:
         """The estimate at a sample of the run for the true state `plant`, and the next state.
 
-        Samples are `period` s apart. An invalid rate is replaced by the last valid one.
+        Samples are `period` s apart. An invalid rate is replaced by the last valid one. Momenta of
+        wheels are taken as those of `plant`, which are measured ones.
         """
         noise = sample_noise(self.key, sample, 9, plant.omega.dtype)
-        rate = self.gyro.measured(plant.omega, state.bias, noise[:3], period)
-        if state.rate is not None:
-            rate = self.gyro.read(sample, period, rate, state.rate, self.key)
+        rate, bias = self._rate(sample, period, plant, state, noise[:6])
         arriving, waiting = self._measured(sample, period, plant, noise[6:]), state.waiting
         arriving, readings = self._with_failures(sample, period, arriving, state.last)
         if waiting is not None:
@@ -132,18 +141,61 @@ class Navigation(eqx.Module):
             arriving, waiting = self._arriving(queue), jax.tree.map(lambda part: part[1:], queue)
         q = arriving.attitude
         attitude = None if q is None else Quaternion(q)
-        measurement = Measurement(rate, attitude, arriving.seen, arriving.vectors)
+        momentum = None if self.body is None else self.stored_momentum(plant)
+        inputs = (arriving.vectors, state.torque, momentum)
+        measurement = Measurement(rate, attitude, arriving.seen, *inputs)
         estimate, memory = self.estimator.step(sample, period, measurement, state.memory)
-        bias = self.gyro.next_bias(state.bias, noise[3:6], period)
         last = None if state.rate is None else rate
-        return estimate, NavigationState(bias, waiting, memory, last, readings)
+        return estimate, NavigationState(bias, waiting, memory, last, readings, state.torque)
+
+    def _rate(
+        self,
+        sample: IntScalar,
+        period: RealScalar,
+        plant: PlantState,
+        state: NavigationState,
+        noise: Float[Array, "6"],
+    ) -> tuple[Vector | None, Vector | None]:
+        """What the gyro reads (rad/s), and its next bias; None without one."""
+        gyro, bias = self.gyro, state.bias
+        if gyro is None or bias is None:
+            return None, None
+        rate = gyro.measured(plant.omega, bias, noise[:3], period)
+        if state.rate is not None:
+            rate = gyro.read(sample, period, rate, state.rate, self.key)
+        return rate, gyro.next_bias(bias, noise[3:], period)
+
+    def stored_momentum(self, plant: PlantState) -> Vector | None:
+        """The momentum of the body's devices that store it, N m s; None without any."""
+        effectors = () if self.body is None else self.body.effectors
+        parts = [
+            momentum
+            for one, own in zip(effectors, plant.of_each, strict=True)
+            if one.storage() is not None and (momentum := one.momentum(own)) is not None
+        ]
+        return sum(parts[1:], parts[0]) if parts else None
+
+    def outer_torque(self, t: RealScalar, told: PlantState, commands: OfEach) -> Vector:
+        """The torque of the body's actuators under these commands at time `t` (s) on the body and
+        all that stores momentum, N m, at the attitude that a law receives."""
+        effectors = () if self.body is None else self.body.effectors
+        torques = [
+            one.effect(one.piece(one.mode(own), command), t, told, own).torque
+            for one, own, command in zip(effectors, told.of_each, commands, strict=True)
+            if one.momentum(own) is None
+        ]
+        return sum(torques, jnp.zeros_like(told.omega))
 
     def example(self) -> Measurement:
         """A measurement with the array shapes of this navigation."""
         attitude = Quaternion(as_float([1.0, 0.0, 0.0, 0.0]))
         nothing = self._nothing(attitude)
         attitude_or_none = None if nothing.attitude is None else attitude
-        return Measurement(attitude.q[1:], attitude_or_none, nothing.seen, nothing.vectors)
+        zero, inputs = attitude.q[1:], (attitude_or_none, nothing.seen, nothing.vectors)
+        if self.body is None:
+            return Measurement(zero, *inputs)
+        stores = any(one.storage() is not None for one in self.body.effectors)
+        return Measurement(None, *inputs, zero, zero if stores else None)
 
     def _nothing(self, attitude: Quaternion) -> Delivery:
         """A delivery without measurements, of the usual shapes."""
@@ -223,14 +275,15 @@ class Navigation(eqx.Module):
         attitude = in_parameters_of(plant.attitude, estimate.attitude)
         errors = _errors(plant, state.bias, estimate)
         estimated = PlantState(attitude, estimate.omega, plant.effectors)
-        return Told(estimated, following, errors, self.gyro.is_valid(sample, period))
+        valid = None if self.gyro is None else self.gyro.is_valid(sample, period)
+        return Told(estimated, following, errors, valid)
 
 
-def _errors(plant: PlantState, bias: Vector, estimate: Estimate) -> dict[str, Vector]:
+def _errors(plant: PlantState, bias: Vector | None, estimate: Estimate) -> dict[str, Vector]:
     off = {
         "attitude": rotation_vector(estimate.attitude, plant.attitude.as_quaternion()),
         "rate": plant.omega - estimate.omega,
-        "bias": None if estimate.bias is None else bias - estimate.bias,
+        "bias": None if bias is None or estimate.bias is None else bias - estimate.bias,
     }
     claimed = {
         "attitude": estimate.attitude_sigma,

@@ -131,7 +131,7 @@ def with_unit(name: str, unit: str) -> str:
 
 
 UNITS = ("rad", "rad/s", "rad/s²", "rad/s/√Hz", "rad/s²/√Hz", "s", "m", "m²", "T", "A m²", "N",
-         "N m", "N m s", "kg m²", "√kg m")  # fmt: skip
+         "N m", "N m s", "N m/√Hz", "N m/s/√Hz", "kg m²", "√kg m")  # fmt: skip
 """Units that the name of a key may tell."""
 
 _BY_ENDING = {with_unit("", unit): unit for unit in UNITS}

@@ -18,13 +18,14 @@ from jaxsat.scenario.parts.disturbances import DisturbanceTable
 from jaxsat.scenario.parts.named import PartTable
 from jaxsat.scenario.parts.orbit import OrbitTable
 from jaxsat.scenario.plugins import DISTURBANCE, find_part
-from jaxsat.scenario.quantities import values_of
+from jaxsat.scenario.quantities import inertia_matrix, values_of
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft.dynamics import RigidBody
 from jaxsat.spacecraft.effector import AbstractEffector, EffectorContext
 from jaxsat.spacecraft.environment.disturbances import (
     AbstractDisturbance,
     DisturbanceContext,
+    GravityGradient,
     PeriodicTorque,
     SumOfDisturbances,
 )
@@ -133,14 +134,29 @@ def periodic_torque(
 def _disturbance(scenario: Scenario, inertia: np.ndarray) -> AbstractDisturbance:
     """All torques of the scenario; that of (2) is always included."""
     table = scenario.disturbance
-    field = field_of(scenario.orbit)
-    context = DisturbanceContext(inertia, orbit_rate(scenario), field, scenario.panel)
-    values = values_of((key for part in DISTURBANCES.values() for key in part.keys), table)
+    context, values = _disturbance_inputs(scenario, inertia)
     own = [pkgutil.resolve_name(name).from_table(values, context) for name in DISTURBANCES]
     terms: list[AbstractDisturbance] = [one for one in own if one is not None]
     in_wz = scenario.simulation.attitude == "wz"
     terms += [_other(name, other, context, in_wz) for name, other in table.torques.items()]
     return terms[0] if len(terms) == 1 else SumOfDisturbances(tuple(terms))
+
+
+def _disturbance_inputs(
+    scenario: Scenario, inertia: np.ndarray
+) -> tuple[DisturbanceContext, dict[str, Any]]:
+    """The context of jaxsat's own disturbances, and the values of all their keys."""
+    field = field_of(scenario.orbit)
+    context = DisturbanceContext(inertia, orbit_rate(scenario), field, scenario.panel)
+    keys = (key for part in DISTURBANCES.values() for key in part.keys)
+    return context, values_of(keys, scenario.disturbance)
+
+
+def gravity_gradient(scenario: Scenario) -> AbstractDisturbance | None:
+    """Return the gravity-gradient torque of the scenario; None where it is disabled."""
+    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
+    context, values = _disturbance_inputs(scenario, inertia)
+    return GravityGradient.from_table(values, context)
 
 
 def _other(

@@ -150,7 +150,7 @@ def _close_loop(
         substeps_of(scenario),
         sensors,
         delay,
-        build_navigation(scenario),
+        build_navigation(scenario, plant),
         build_tachometers(scenario),
         guard,
     )

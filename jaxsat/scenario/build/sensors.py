@@ -5,22 +5,27 @@ from typing import Any
 
 import numpy as np
 
+from jaxsat.control.navigation.dynamics_filter import DynamicsFilter, TorqueModel
 from jaxsat.control.navigation.estimator import AbstractEstimator, EstimatorContext, RawMeasurements
 from jaxsat.control.navigation.innovation import InnovationTest
 from jaxsat.control.navigation.mekf import MultiplicativeFilter
 from jaxsat.control.navigation.navigation import Navigation
+from jaxsat.core.allocation import unit_columns
 from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float
-from jaxsat.core.declaration.sensor import TACHOMETER
+from jaxsat.core.declaration.sensor import TACHOMETER, SensorDeclaration
 from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS, PATIENCE, PROBATION, SENSORS
 from jaxsat.core.noise import key_of_seed
-from jaxsat.scenario.build.plant import orbit_of, orbit_rate, sensor_context
+from jaxsat.scenario.build.plant import gravity_gradient, orbit_of, orbit_rate, sensor_context
 from jaxsat.scenario.build.plugin_trial import made_part, require_estimates
 from jaxsat.scenario.derived import has_invalid_momenta
 from jaxsat.scenario.parts.actuator import number_of
-from jaxsat.scenario.parts.sensors import EstimatorTable, OwnEstimatorTable, SamplingTable
+from jaxsat.scenario.parts.estimator import OwnEstimatorTable
+from jaxsat.scenario.parts.sensors import SamplingTable
 from jaxsat.scenario.plugins import ESTIMATOR, find_part
 from jaxsat.scenario.schema import Scenario
+from jaxsat.spacecraft.dynamics import RigidBody
+from jaxsat.spacecraft.environment.disturbances import NoDisturbance
 from jaxsat.spacecraft.environment.orbit import AbstractOrbit
 from jaxsat.spacecraft.sensor_failures import GyroFailures, SensorFailures, TachometerFailures
 from jaxsat.spacecraft.sensors import Sensors, Tachometers
@@ -29,14 +34,15 @@ from jaxsat.spacecraft.sensors import Sensors, Tachometers
 def build_sampling(scenario: Scenario) -> tuple[Sensors | None, RealScalar | None]:
     """Return sensors and delay; None for those that are perfect in every case.
 
-    Both are None with a gyro and a star tracker, see `build_navigation`.
+    Both are None with sensors of the attitude, see `build_navigation`.
     """
     values = dict(scenario.sampling or SamplingTable())
 
     def differs(name: str) -> bool:
         return values[name] > 0 or getattr(scenario.dispersion, name, None) is not None
 
-    noisy = scenario.gyro is None and (differs("rate_noise_rad_s") or differs("attitude_noise_rad"))
+    white = not _sensor_tables(scenario)
+    noisy = white and (differs("rate_noise_rad_s") or differs("attitude_noise_rad"))
     key = key_of_seed(scenario.simulation.seed)
     return (
         Sensors.from_table(values, key) if noisy else None,
@@ -69,23 +75,32 @@ def tachometer_noise(scenario: Scenario) -> np.ndarray:
     return np.array([one.tachometer_noise_N_m_s for one in scenario.wheel])
 
 
-def build_navigation(scenario: Scenario) -> Navigation | None:
-    """Return sensors and estimator between the plant and a sampled law; None without `[gyro]`.
+def _sensor_tables(scenario: Scenario) -> list[tuple[SensorDeclaration, Any]]:
+    """The sensors with a table in a scenario, and these tables."""
+    tables = [(one, getattr(scenario, one.name)) for one in SENSORS]
+    return [(one, table) for one, table in tables if table is not None]
 
-    The estimator knows the declared sensors and the orbit of the scenario.
+
+def build_navigation(scenario: Scenario, plant: RigidBody) -> Navigation | None:
+    """Return sensors and estimator between the plant and a sampled law; None without sensors.
+
+    The estimator knows the declared sensors and the orbit of the scenario, without `[gyro]` also
+    the spacecraft of the scenario: `plant`, but without failures, and of its disturbances the
+    gravity gradient alone.
     """
-    if scenario.gyro is None:
+    tables = _sensor_tables(scenario)
+    if not tables:
         return None
     context, period = sensor_context(scenario), as_float(scenario.control.period_s)
     sensors = {
         one.place.removeprefix("navigation."): one.made(dict(table), context)
-        for one in SENSORS
-        if (table := getattr(scenario, one.name)) is not None
+        for one, table in tables
     }
-    sensors.setdefault("tracker", None)
+    sensors = {"tracker": None, "gyro": None} | sensors
     strikes = [(0, one) for one in scenario.failure if one.of == "gyro"]
-    failures = GyroFailures.from_tables(strikes)
-    sensors["gyro"] = dataclasses.replace(sensors["gyro"], failures=failures)
+    if sensors["gyro"] is not None:
+        failures = GyroFailures.from_tables(strikes)
+        sensors["gyro"] = dataclasses.replace(sensors["gyro"], failures=failures)
     table: Any = scenario.estimator or OwnEstimatorTable()
     orbit = orbit_of(scenario.orbit.relation, orbit_rate(scenario))
     navigation = Navigation(
@@ -93,11 +108,19 @@ def build_navigation(scenario: Scenario) -> Navigation | None:
         attitude_sigma=table.attitude_sigma_rad,
         key=key_of_seed(scenario.simulation.seed),
         failures=_failures(scenario, orbit),
+        body=_declared(scenario, plant) if sensors["gyro"] is None else None,
         **sensors,
     )
     parts = (navigation.gyro, navigation.tracker, orbit, period, navigation.vectors)
-    estimator = _estimator(table, EstimatorContext(*parts), navigation)
+    estimator = _estimator(scenario, EstimatorContext(*parts, navigation.body), navigation)
     return dataclasses.replace(navigation, estimator=estimator)
+
+
+def _declared(scenario: Scenario, plant: RigidBody) -> RigidBody:
+    """The body that an estimator without a gyro supposes."""
+    effectors = tuple(one.without_corners() for one in plant.effectors)
+    disturbance = gravity_gradient(scenario) or NoDisturbance()
+    return dataclasses.replace(plant, disturbance=disturbance, effectors=effectors)
 
 
 def _failures(scenario: Scenario, orbit: AbstractOrbit) -> SensorFailures | None:
@@ -108,23 +131,47 @@ def _failures(scenario: Scenario, orbit: AbstractOrbit) -> SensorFailures | None
 
 
 def _estimator(
-    table: EstimatorTable, context: EstimatorContext, navigation: Navigation
+    scenario: Scenario, context: EstimatorContext, navigation: Navigation
 ) -> AbstractEstimator:
+    table: Any = scenario.estimator or OwnEstimatorTable()
     if table.kind == "none":
         return RawMeasurements()
     if table.kind == "mekf":
-        return MultiplicativeFilter(
-            context.orbit,
-            context.gyro,
-            context.tracker,
-            tuple(one.noise for one in context.vectors),
-            context.latency,
-            _test(table),
+        noise = tuple(one.noise for one in context.vectors)
+        seen: dict[str, Any] = {
+            "tracker": context.tracker,
+            "vector_noise": noise,
+            "vector_latency": context.latency,
+            "test": _test(table),
+        }
+        if context.gyro is not None:
+            return MultiplicativeFilter(orbit=context.orbit, gyro=context.gyro, **seen)
+        torques = TorqueModel(
+            table.torque_noise_N_m_sqrt_Hz,
+            table.torque_sigma_N_m,
+            table.torque_walk_N_m_s_sqrt_Hz,
+        )
+        assert context.body is not None
+        return DynamicsFilter(
+            body=context.body,
+            torques=torques,
+            rate_sigma=table.rate_sigma_rad_s,
+            momentum_noise=_momentum_noise(scenario),
+            **seen,
         )
     part, location = find_part(ESTIMATOR, table.kind), ("estimator", "kind")
     estimator = made_part(part, location, table, context)
     require_estimates(part, location, estimator, context.period, navigation.example())
     return estimator
+
+
+def _momentum_noise(scenario: Scenario) -> np.ndarray | None:
+    """Covariance of the measured momentum of all wheels in body axes, N² m² s²; None for zero."""
+    noise = tachometer_noise(scenario)
+    if not noise.any():
+        return None
+    axes = unit_columns(np.array([one.axis for one in scenario.wheel], float).T)
+    return axes @ np.diag(noise**2) @ axes.T
 
 
 def _test(table: Any) -> InnovationTest | None:

@@ -17,6 +17,7 @@ from jaxsat.scenario.parts.actuator import number_of
 from jaxsat.scenario.parts.failures import FailureTable
 from jaxsat.scenario.parts.thrusters import ModulationTable, ThrusterTable, modulation_kind
 from jaxsat.scenario.parts.torque_makers import TorqueMakers, signs, working_torques
+from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.failures import FailureEvents
@@ -81,7 +82,16 @@ def thruster_context(scenario: Scenario) -> ThrusterContext | None:
 
 
 def rate_noise(scenario: Scenario) -> float:
-    """Standard deviation (rad/s) of the measurement noise of a sampled law's rates, per sample."""
+    """Standard deviation (rad/s) of the measurement noise of a sampled law's rates, per sample.
+
+    Without a gyro it is that of the change of a rate in a period by the torques that the filter
+    does not know, about the axis with the smallest moment of inertia.
+    """
+    estimator = scenario.estimator
+    if scenario.gyro is None and estimator is not None and estimator.torque_noise_N_m_sqrt_Hz:
+        least = np.linalg.eigvalsh(inertia_matrix(scenario.spacecraft.inertia_kg_m2))[0]
+        impulse = estimator.torque_noise_N_m_sqrt_Hz * scenario.control.period_s**0.5
+        return float(impulse / least)
     if scenario.gyro is not None:
         context = sensor_context(scenario)
         gyro = GYRO.made(dict(scenario.gyro), context)

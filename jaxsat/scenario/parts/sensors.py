@@ -6,29 +6,21 @@ its keys; if not, they receive the table itself, as None.
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 from annotated_types import Ge, Le
-from pydantic import ConfigDict, SerializeAsAny
 
 from jaxsat.core.declaration.disturbances import needs_orbit
-from jaxsat.core.declaration.keys import choice as key_choice
-from jaxsat.core.declaration.keys import number
 from jaxsat.core.declaration.sensors import (
     ATTITUDE_SENSORS,
     DELAY,
     HOLD_SAMPLES,
-    PATIENCE,
-    PROBATION,
     SENSORS,
     WHITE_NOISE,
     SensorDeclaration,
 )
 from jaxsat.core.earth import EARTH_GRAVITY
-from jaxsat.core.ranges import PROBABILITY, TRACKER_NOISE
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.parts.named import PartTable, by_its_kind
-from jaxsat.scenario.plugins import ESTIMATOR, PluginKind
 from jaxsat.scenario.quantities import (
     ScenarioTable,
     Whole,
@@ -52,32 +44,6 @@ from jaxsat.scenario.wording import shown
 MAX_PERIODS = 1_000_000
 """Control periods between two measurements of a sensor, or for which commands are held."""
 
-ESTIMATOR_KIND = key_choice(
-    "kind",
-    'What the law receives: the estimates of a multiplicative extended Kalman filter ("mekf"), '
-    'or what was measured last ("none")',
-    ESTIMATOR.own,
-    "mekf",
-)
-
-ATTITUDE_SIGMA = number(
-    "attitude_sigma_rad",
-    "Standard deviation of the random error of the first attitude estimate, about each axis",
-    at_least=0,
-    at_most=TRACKER_NOISE.high,
-    default=0.01,
-)
-
-
-FALSE_ALARM_PROBABILITY = number(
-    "false_alarm_probability",
-    "Probability that the filter rejects a good reading of a sensor of the attitude, as one that "
-    "does not agree with its prediction; by default no reading is tested",
-    at_least=PROBABILITY.low,
-    at_most=0.5,
-    default=None,
-)
-
 
 class SamplingTable(table_with(fields_of((*WHITE_NOISE.keys, DELAY)))):
     """`[sampling]`: noise and delay between a sampled law and the plant."""
@@ -100,41 +66,6 @@ TABLES = {one.name: (_table_of(one) | None, choice(one.meaning, None)) for one i
 """Table and meaning of each sensor that has a table of its own."""
 
 
-class EstimatorTable(table_with(fields_of([ATTITUDE_SIGMA, FALSE_ALARM_PROBABILITY]), PartTable)):
-    """`[estimator]`: estimates of attitude and rates for the law from the measurements."""
-
-    plugin: ClassVar[PluginKind] = ESTIMATOR
-
-    kind: str = choice(
-        f"{ESTIMATOR_KIND.meaning}; or an estimator that does not come with jaxsat, "
-        '"module:Class" or the name of an installed one, whose keys follow',
-        ESTIMATOR_KIND.default,
-    )
-    patience: Annotated[Whole, Ge(1), Le(MAX_PERIODS)] | None = quantity(
-        "Readings of a sensor in a row that the filter rejects before it excludes the sensor; "
-        f"{PATIENCE} by default",
-        "1",
-        None,
-    )
-    probation: Annotated[Whole, Ge(1), Le(MAX_PERIODS)] | None = quantity(
-        "Readings of an excluded sensor in a row that pass the test before the filter uses it "
-        f"again; {PROBATION} by default",
-        "1",
-        None,
-    )
-
-
-class OwnEstimatorTable(table_with(fields_of([ESTIMATOR_KIND]), EstimatorTable)):
-    """`[estimator]` of a kind that comes with jaxsat."""
-
-    model_config = ConfigDict(extra="forbid")
-
-
-EstimatorOfAKind = Annotated[
-    SerializeAsAny[EstimatorTable], by_its_kind(EstimatorTable, OwnEstimatorTable)
-]
-
-
 MAX_LATENCY = 1000
 """Largest latency of a measurement in control periods; as many measurements are buffered."""
 
@@ -143,15 +74,9 @@ ATTITUDE = tuple(one.name for one in ATTITUDE_SENSORS)
 """Tables of the attitude sensors."""
 
 
-def _given(values: Values) -> list[str]:
-    """Tables of `ATTITUDE` that a scenario has."""
+def given_sensors(values: Values) -> list[str]:
+    """Return the tables of `ATTITUDE` that a scenario has."""
     return [one for one in ATTITUDE if any(key.startswith(f"{one}.") for key in values)]
-
-
-@rule_over("gyro")
-def _sensors_of_the_attitude_have_a_gyro(values):
-    for name in _given(values)[:1] if values["gyro"] is None else ():
-        yield at("gyro", f"must be given with [{name}], got nothing", True)
 
 
 @rule_over("gyro.limit_rad_s", *ATTITUDE)
@@ -171,54 +96,27 @@ def _sun_sensor_has_another_beside_it(*others):
     )
 
 
-@rule_over("gyro", *ATTITUDE, "estimator.kind")
-def _estimator_has_sensors(values):
-    if values["gyro"] is None:
-        kind = values["estimator.kind"]
-        yield at("estimator", f'must belong to [gyro] and [star_tracker], got kind "{kind}" alone')
-
-
-@rule("star_tracker", "gyro.limit_rad_s", "estimator.kind")
-def _a_law_without_estimator_has_a_tracker(tracker, limit, kind):
-    if kind == "none":
-        yield at("estimator.kind", 'must be "mekf" without [star_tracker], got "none"')
-
-
-@rule(
-    "estimator.kind",
-    "estimator.false_alarm_probability",
-    "estimator.patience",
-    "estimator.probation",
-)
-def _the_filter_alone_tests_innovations(kind, probability, patience, probation):
-    if kind != "mekf" and probability is not None:
-        message = f'must be left out with kind "{kind}", got {shown(probability)}'
-        yield at("estimator.false_alarm_probability", message)
-    for key, count in (("patience", patience), ("probation", probation)):
-        if probability is None and count is not None:
-            message = f"must be left out without false_alarm_probability, got {shown(count)}"
-            yield at(f"estimator.{key}", message)
-
-
 @rule_over("orbit.rate_rad_s")
 def _sensors_are_in_orbit(values):
-    for name in {"magnetometer", "horizon_sensor"}.intersection(_given(values)):
+    for name in {"magnetometer", "horizon_sensor"}.intersection(given_sensors(values)):
         in_orbit = needs_orbit(name, f"[{name}]")
         yield from (at(*one) for one in in_orbit.check(values["orbit.rate_rad_s"], True))
 
 
-@rule_over("gyro.limit_rad_s")
-def _noise_is_that_of_the_gyro(values):
+@rule_over()
+def _noise_is_that_of_the_sensors(values):
+    if not given_sensors(values):
+        return
     for key in (f"sampling.{one.name}" for one in WHITE_NOISE.keys):
         if values.get(key):
             yield at(
-                key, f"must be omitted with [gyro] and [star_tracker], got {shown(values[key])}"
+                key, f"must be omitted with [{given_sensors(values)[0]}], got {shown(values[key])}"
             )
 
 
 @rule_over("control.period_s")
 def _measurements_fall_on_samples(values):
-    for name in _given(values):
+    for name in given_sensors(values):
         for key, most in (("update_period_s", MAX_PERIODS), ("latency_s", MAX_LATENCY)):
             value = values.get(f"{name}.{key}")
             if value:

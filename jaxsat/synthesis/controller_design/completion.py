@@ -8,6 +8,7 @@ from jaxsat.core.declaration.settling import equivalent_limit
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.dispersion_trial import dispersion_issues
 from jaxsat.scenario.build.run import build
+from jaxsat.scenario.derived import has_sensors
 from jaxsat.scenario.dispersion_tables import DispersionTable
 from jaxsat.scenario.domain import dimensionless_numbers
 from jaxsat.scenario.parts.sensors import SamplingTable
@@ -71,8 +72,7 @@ def completed(
         scale = scale_of_orbit(scenario)
     data, assumptions = scenario.model_dump(exclude_none=True), []
     has_dispersions = scenario.dispersion is not None
-    sensors = scenario.sampling or scenario.gyro or scenario.star_tracker
-    if not sensors and "period_s" in data["control"]:
+    if not has_sensors(scenario) and "period_s" in data["control"]:
         noise = float(f"{RATE_NOISE / scale.time:.2g}")
         table = SamplingTable(rate_noise_rad_s=noise, attitude_noise_rad=ATTITUDE_NOISE)  # pyright: ignore[reportCallIssue]
         data["sampling"] = table.model_dump()

@@ -6,6 +6,7 @@ from jaxsat.core.declaration.laws import Law
 from jaxsat.core.declaration.tuned_gains import STEPS
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.control import known_law
+from jaxsat.scenario.derived import has_sensors
 from jaxsat.scenario.resolution import fastest
 from jaxsat.synthesis.controller_design.vehicle import Scale
 
@@ -40,7 +41,7 @@ def control_period(scenario: Scenario, law: Law, scale: Scale, orbital: Law | No
         return period
     if orbital is not None:
         longest = min(_usual(orbital), LARGEST_ANGLE / QUICKEST * scale.time)
-    elif scenario.sampling or scenario.gyro or scenario.star_tracker:
+    elif has_sensors(scenario):
         return usual
     else:
         motion = fastest(scenario)
