@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.controllability.actuators import ActuatorSet, actuator_set
-from jaxsat.controllability.judgement import Judgement
+from jaxsat.controllability.judgement import CONTROLLABLE, Judgement
 from jaxsat.controllability.judging import judge
 from jaxsat.controllability.layout import TOLERANCE, Numbers
 
@@ -69,6 +69,49 @@ def opposing_share(
         bounds=(0, None),
     )
     return float(solution.fun) if solution.status == 0 else np.inf
+
+
+def stuck_on_words(inertia: Numbers, actuators: ActuatorSet) -> str | None:
+    """Return which thrusters the others oppose while one is stuck on; None without one-sided ones.
+
+    A two-sided thruster may stick in either direction. Raises ValueError as `judge` does.
+    """
+    if actuators.two_sided.all():
+        return None
+    shares, lost = {}, []
+    for place, name in enumerate(actuators.thrusters):
+        ways = (1.0, -1.0) if actuators.two_sided[place] else (1.0,)
+        each = [_stuck(inertia, actuators, place, level) for level in ways]
+        shares[name] = max(share for share, _ in each)
+        lost += [] if all(controllable for _, controllable in each) else [name]
+    opposed = [name for name, share in shares.items() if share < 1 - LEVEL_ROUNDING]
+    barely = [name for name, share in shares.items() if abs(share - 1) <= LEVEL_ROUNDING]
+    words = [f"the others oppose {len(opposed) or 'none'} of {len(shares)} thrusters"]
+    if opposed:
+        hardest = max(opposed, key=lambda name: shares[name])
+        words.append(
+            f"{hardest} takes most, {100 * shares[hardest]:.3g} % of the thrust of another"
+        )
+    if barely:
+        words.append(
+            f"{', '.join(barely)} would take the full thrust of another, which errors decide"
+        )
+    if away := [name for name in opposed if name in lost]:
+        words.append(f"after {', '.join(away)} they do not control every axis")
+    return f"One thruster stuck on: {'; '.join(words)}"
+
+
+def _stuck(
+    inertia: Numbers, actuators: ActuatorSet, place: int, level: float
+) -> tuple[float, bool]:
+    """Return the share of `opposing_share` with a thruster stuck at a level, and whether the rest
+    controls attitude and rate."""
+    low = np.where(actuators.two_sided, -1.0, 0.0)
+    high = np.ones_like(low)
+    low[place] = high[place] = level
+    judgement = judge_ranges(inertia, actuators, low, high)
+    controllable = judgement is not None and judgement.verdict in CONTROLLABLE
+    return opposing_share(actuators.torques, low, high), controllable
 
 
 def judge_ranges(

@@ -28,6 +28,7 @@ from jaxsat.controllability.maps import (
 )
 from jaxsat.controllability.rank import Analysis, analyse
 from jaxsat.controllability.rods import RodSet, judge_with_rods
+from jaxsat.controllability.torque_ranges import stuck_on_words
 from jaxsat.controllability.wording import verdict_sentence
 from jaxsat.core.declaration.actuators import ACTUATORS, PASSIVE
 from jaxsat.report.controllability_document import (
@@ -142,6 +143,8 @@ def controllability_study(
     if stopped is not None and rods is not None:
         stopped = judge_with_rods(stopped, rods, places, tolerance)
     lines = controllability_lines(judgement, analysis, torque=torque, stopped=stopped)
+    stuck = stuck_on_words(scenario.spacecraft.inertia_kg_m2, judgement.actuators)
+    lines += [] if stuck is None else [stuck]
     balance, gyros = undriven_balance(scenario), _gyro_cluster(scenario)
     lines += [] if balance is None else [" ".join(balance.lines())]
     held = held_with_momentum(scenario, judgement)

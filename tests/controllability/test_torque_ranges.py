@@ -8,7 +8,12 @@ from scipy.optimize import linprog
 
 from jaxsat.controllability.actuators import actuator_set
 from jaxsat.controllability.cone import torque_cone
-from jaxsat.controllability.torque_ranges import judge_ranges, opposing_share, torque_reserve
+from jaxsat.controllability.torque_ranges import (
+    judge_ranges,
+    opposing_share,
+    stuck_on_words,
+    torque_reserve,
+)
 
 INERTIA = (0.3, 0.55, 0.62)
 PAIRS = np.kron(np.diag([1.0, 2.0, 0.5]), [1, -1])
@@ -111,3 +116,29 @@ def test_nothing_opposes_a_thruster_stuck_on_that_is_alone_on_its_side():
     low, high = np.zeros(5), np.ones(5)
     low[4] = 1.0
     assert judge_ranges(INERTIA, actuator_set(PAIRS[:, :5]), low, high) is None
+
+
+@pytest.mark.parametrize(
+    ("columns", "two_sided", "words"),
+    [
+        (PAIRS, False, "the others oppose none of 6 thrusters; g1, g2, g3, g4, g5, g6 would take"),
+        (PAIRS * [1, 2, 1, 1, 1, 1], False, "oppose 1 of 6 thrusters; g1 takes most, 50 %"),
+        (PAIRS[:, :5], False, "the others oppose none of 5 thrusters; g1, g2, g3, g4 would take"),
+        (PAIRS[:, 1:], [True, False, False, False, False], "none of 5 thrusters; g2, g3, g4, g5"),
+    ],
+)
+def test_one_thruster_stuck_on_is_said_to_be_opposed_where_others_balance_it(
+    columns, two_sided, words
+):
+    assert words in stuck_on_words(INERTIA, actuator_set(columns, two_sided=two_sided))
+
+
+def test_what_is_left_beside_a_thruster_stuck_on_may_not_control_every_axis():
+    plane = actuator_set(np.array([[1.0, -2, 0, 0], [0, 0, 1, -1], [0, 0, 0, 0]]))
+    assert "oppose 1 of 4 thrusters; g1 takes most, 50 %" in stuck_on_words(INERTIA, plane)
+    assert "they do not control" not in stuck_on_words(INERTIA, plane)
+    assert "after g1 they do not control" in stuck_on_words((0.3, 0.3, 0.5), plane)  # no drift
+
+
+def test_thrusters_of_both_signs_have_no_sentence_on_sticking():
+    assert stuck_on_words(INERTIA, actuator_set(np.eye(3), two_sided=True)) is None
