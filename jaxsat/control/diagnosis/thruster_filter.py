@@ -47,9 +47,10 @@ STEADY_GAIN = (math.sqrt(RESTLESSNESS**2 + 4 * RESTLESSNESS) - RESTLESSNESS) / 2
 STEADY_VARIANCE = 1 / (1 - STEADY_GAIN)
 """Steady-state variance of the innovations, over that of the noise."""
 
-FIRST_SAMPLES, MOST_SAMPLES = 3.0, 300.0
+FIRST_SAMPLES, MOST_SAMPLES, LAST_SAMPLES = 3.0, 300.0, 300.0
 """Samples that the prior of no external torque counts for, and after which its estimate is frozen:
-it would learn what a thruster lacks now and then."""
+it would learn what a thruster lacks now and then. While errors of commanded torques outweigh all
+samples, the estimate is a mean of the last ones: it follows these errors, too."""
 
 
 class ThrusterModel(eqx.Module):
@@ -215,6 +216,9 @@ class ThrusterFilter(AbstractResidualFilter):
         """Correct the flows of failed thrusters, and the external torque.
 
         Without a flow the torque is the mean of the samples, each weighted by its information.
+        Torques that the model has wrong, by thrust or inertia, err alike in many samples, which
+        together say no more than one with the variance `wrong`, over that of the noise: the
+        information of n samples is 1/(1/n + wrong), and grows by (1 - n wrong)² with each.
         """
         body = self.model.spacecraft
         effect = period * (body.inverse_inertia @ self.thrusters.torque)
@@ -222,11 +226,15 @@ class ThrusterFilter(AbstractResidualFilter):
         flows = condition.failed & (condition.flow > 0)
         flow = jnp.clip(condition.flow + TRACKING * more, 0.0, 1.0)
         opposed, steady = jnp.any(flows), cast(RealScalar, residual.steady)
-        weight = (steady * STEADY_GAIN / period) ** 2
-        weight = weight * STEADY_VARIANCE * self.rate_noise**2 / residual.variance[0]
-        weight = jnp.where(quiet & (condition.samples < MOST_SAMPLES), weight, 0.0)
+        noise = STEADY_VARIANCE * self.rate_noise**2
+        wrong = jnp.maximum(residual.variance[0] / noise - 1, 0.0) / STEADY_GAIN**2
+        new = jnp.maximum(1 - wrong * condition.samples, 0.0) ** 2
+        each = jnp.where(quiet & (condition.samples < MOST_SAMPLES), 1.0, 0.0)
+        each = each * (steady * STEADY_GAIN / period) ** 2
+        weight = each * new * noise / residual.variance[0]
         samples = condition.samples + weight
-        mean = weight / (samples + FIRST_SAMPLES) / jnp.where(steady > 0, steady, 1.0)
+        mean = weight / (samples + FIRST_SAMPLES) + each * (1 - new) / LAST_SAMPLES
+        mean = mean / jnp.where(steady > 0, steady, 1.0)
         part = jnp.where(opposed, SLOW_TRACKING / period, mean)
         doubted = condition.torque - self.believed(condition, period)
         error = residual.innovation[:, 0] - steady * (body.inverse_inertia @ doubted)
