@@ -232,7 +232,8 @@ class ThrusterFilter(AbstractResidualFilter):
         each = jnp.where(quiet & (condition.samples < MOST_SAMPLES), 1.0, 0.0)
         each = each * (steady * STEADY_GAIN / period) ** 2
         weight = each * new * noise / residual.variance[0]
-        samples = condition.samples + weight
+        beyond = jnp.maximum(wrong * condition.samples - 1, 0.0) / jnp.where(wrong > 0, wrong, 1.0)
+        samples = condition.samples + weight - each * beyond / LAST_SAMPLES
         mean = weight / (samples + FIRST_SAMPLES) + each * (1 - new) / LAST_SAMPLES
         mean = mean / jnp.where(steady > 0, steady, 1.0)
         part = jnp.where(opposed, SLOW_TRACKING / period, mean)
