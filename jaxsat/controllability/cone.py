@@ -57,25 +57,19 @@ def nonnegative_least_squares(
     """
     count = columns.shape[1]
     weights, support = np.zeros(count), np.zeros(count, bool)
-    futile = support.copy()  # columns that bring nothing nearer: their slope is round-off
-    remainder, distance = target, float(np.linalg.norm(target))
+    futile = support.copy()  # columns that leave as soon as they enter: their slope is round-off
     norm = np.linalg.norm(columns, 1) if columns.size else 0.0
     rounding = 10 * max(columns.shape) * np.finfo(float).eps * norm
     for _ in range(200 * count):
-        slope = np.where(support | futile, 0.0, columns.T @ remainder)
+        slope = np.where(support | futile, 0.0, columns.T @ (target - columns @ weights))
         steepest = int(np.argmax(slope))
         if slope[steepest] <= rounding:
             break
-        entered = support.copy()
-        entered[steepest] = True
-        best, entered = _least_squares_of(columns, target, weights, entered)
-        left = target - columns @ best
-        if (nearer := float(np.linalg.norm(left))) < distance:
-            weights, support, remainder, distance = best, entered, left, nearer
-            futile[:] = False
-        else:
-            futile[steepest] = True
-    return weights, distance
+        support[steepest] = True
+        weights, support = _least_squares_of(columns, target, weights, support)
+        futile = futile & ~support[steepest]
+        futile[steepest] = not support[steepest]
+    return weights, float(np.linalg.norm(columns @ weights - target))
 
 
 def _least_squares_of(
