@@ -59,6 +59,7 @@ def uv(*arguments):
 def built(tmp_path_factory):
     """Files and contents of the source distribution, of the wheel made of it, and of the wheel
     made of the tree; and the path of the former wheel."""
+    pytest.importorskip("uv")
     folder = tmp_path_factory.mktemp("distributions")
     uv("build", "--quiet", "--out-dir", folder / "both")
     uv("build", "--quiet", "--wheel", "--out-dir", folder / "direct")

@@ -10,7 +10,7 @@ import pytest
 from helpers.tools import needs
 from jaxsat.core.declaration.keys import number
 from jaxsat.flight import vectors
-from jaxsat.flight.fmu import HEADERS, SOURCES, unit_file, unit_sources
+from jaxsat.flight.fmu import HEADERS, SOURCES, unit_file, unit_period, unit_sources
 from jaxsat.flight.guard import guard_header
 from jaxsat.flight.guard_source import guard_source
 from jaxsat.flight.interface import parameters, rows
@@ -44,7 +44,7 @@ def _filtered():
 
 
 def _estimating():
-    scenario = load("switching", SENSORS)
+    scenario = load("switching", [*SENSORS, "control.period_s=0.02"])
     run = build(scenario)
     return run.loop, run.start, scenario.law.declaration.keys
 
@@ -99,7 +99,7 @@ BOTH = [(_filtered,), pytest.param((_estimating, True), marks=pytest.mark.slow)]
 def test_a_unit_flies_with_the_bits_of_the_controller(unit):
     path, description, program, recording = unit
     assert fmpy.validation.validate_fmu(path) == []
-    parts, period = parts_of(program, recording), float(np.asarray(program.period))
+    parts, period = parts_of(program, recording), unit_period(program)
     places = {one.name: one.valueReference for one in description.modelVariables}
     one = instance(path, description)
     try:
@@ -174,7 +174,7 @@ def test_a_unit_has_names_units_and_sizes(unit):
 def test_fmpy_simulates_it(unit):
     """Parts of a period make no sample; a longer step makes those within it."""
     path, _, program, _ = unit
-    period = float(np.asarray(program.period))
+    period = unit_period(program)
     inputs = np.array([(0.0, 0.01)], [("time", float), ("omega[1]", float)])
     for ratio in (0.25, 1.0, 3.0):
         result = fmpy.simulate_fmu(

@@ -19,7 +19,7 @@ PROGRAMS = {
 }
 """Names of executables where they are not the tool's own."""
 
-MODULES = ("Basilisk", "casadi", "cma", "distributed", "heyoka")
+MODULES = ("Basilisk", "casadi", "cma", "distributed", "fmpy", "heyoka")
 
 REQUIRED = "JAXSAT_TOOLS"
 """Environment variable with the tools, separated by spaces, whose tests must run."""
