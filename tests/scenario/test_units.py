@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from jaxsat.core.declaration.keys import number
 from jaxsat.scenario import ScenarioError, dump, json_schema, library, read
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.registry import TABLES
@@ -240,3 +241,12 @@ def test_a_frequency_in_hertz_is_that_in_radians(tmp_path):
     assert found.flexible_mode[0].frequency_rad_s == math.pi
     turned = read(written(tmp_path), ["initial.omega_Hz=[0, 0, 0.5]"])
     assert turned.initial.omega_rad_s == (0.0, 0.0, math.pi)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("slope_rad_s", "rad/s"), ("gain_N_m_s", "N m s"), ("gain", "1"), ("speed_m_s", "1"),
+     ("rate_deg_s", "1"), ("stiffness_N_m_rad", "1"), ("torque_mN_m", "1")],
+)  # fmt: skip
+def test_the_unit_of_a_key_is_that_of_its_name_where_the_name_has_no_other(name, unit):
+    assert number(name, "A quantity").unit == unit

@@ -137,9 +137,14 @@ UNITS = ("rad", "rad/s", "rad/s²", "rad/s/√Hz", "rad/s²/√Hz", "s", "m", "m
 _BY_ENDING = {with_unit("", unit): unit for unit in UNITS}
 
 
+_FACTORS = {"1", "deg", "km", "mN"} | {one for unit in UNITS for one in re.split("[ /√²]", unit)}
+"""Factors of units; an ending behind one is part of a longer unit, which `UNITS` does not have."""
+
+
 def _unit_of(name: str) -> str:
     ending = max(filter(name.endswith, _BY_ENDING), key=len, default="")
-    return _BY_ENDING.get(ending, "1")
+    longer = name.removesuffix(ending).rpartition("_")[2] in _FACTORS
+    return "1" if longer else _BY_ENDING.get(ending, "1")
 
 
 def direction(name: str, meaning: str, default: Any = ...) -> Key:
