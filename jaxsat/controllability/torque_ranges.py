@@ -55,20 +55,39 @@ def opposing_share(
     size = np.abs(torques).max(initial=1e-300)
     if np.all(np.abs(constant) <= TOLERANCE * size):
         return 0.0
-    from scipy.optimize import linprog  # slow, and most studies do not need it
+    return _least_share(-constant, torques * (high - least), torques * (low - least))
 
-    count = len(low)
-    parts = np.concatenate([torques * (high - least), torques * (low - least)], axis=1)
-    within = np.concatenate([np.eye(count), np.eye(count), -np.ones((count, 1))], axis=1)
-    solution = linprog(
-        np.eye(2 * count + 1)[-1],
-        A_ub=within,
-        b_ub=np.zeros(count),
-        A_eq=np.concatenate([parts, np.zeros((3, 1))], axis=1) / size,
-        b_eq=-constant / size,
-        bounds=(0, None),
-    )
-    return float(solution.fun) if solution.status == 0 else np.inf
+
+def _least_share(
+    aim: Float[np.ndarray, "3"], up: Float[np.ndarray, "3 m"], down: Float[np.ndarray, "3 m"]
+) -> float:
+    """Return the least s with `aim` = Σ a_i `up`_i + b_i `down`_i, 0 <= a_i, b_i <= s; the columns
+    of each pair are parallel. The aim is at the boundary of a zonotope that grows with s, on one of
+    whose facets the share is found."""
+    generators = up - down
+    basis, sizes, _ = np.linalg.svd(generators, full_matrices=False)
+    basis = basis[:, sizes > TOLERANCE * sizes.max(initial=1e-300)]
+    size = np.linalg.norm(aim)
+    if np.linalg.norm(aim - basis @ (basis.T @ aim)) > TOLERANCE * size:
+        return np.inf
+    pairs = np.array(list(itertools.combinations(generators.T, 2))).reshape(-1, 2, 3)
+    if basis.shape[1] == 3:
+        normals = np.cross(pairs[:, 0], pairs[:, 1])
+    elif basis.shape[1] == 2:
+        normals = np.cross(np.cross(basis[:, 0], basis[:, 1]), generators.T)
+    else:
+        normals = basis.T
+    lengths = np.linalg.norm(normals, axis=1)
+    is_facet = lengths > TOLERANCE**2 * lengths.max()
+    units = normals[is_facet] / lengths[is_facet, None]
+    units = np.concatenate([units, -units])
+    reach = np.maximum(units @ up, units @ down).sum(axis=1)
+    need = units @ aim
+    need = np.where(need > TOLERANCE * size, need, 0.0)
+    within = reach > TOLERANCE * np.linalg.norm(generators, axis=0).max()
+    if np.any(need[~within] > 0):
+        return np.inf
+    return float(np.max(need[within] / reach[within], initial=0.0))
 
 
 def stuck_on_words(inertia: Numbers, actuators: ActuatorSet) -> str | None:
@@ -109,9 +128,11 @@ def _stuck(
     low = np.where(actuators.two_sided, -1.0, 0.0)
     high = np.ones_like(low)
     low[place] = high[place] = level
+    share = opposing_share(actuators.torques, low, high)
+    if share > 1 - LEVEL_ROUNDING or torque_reserve(actuators.torques, low, high) > 0:
+        return share, share <= 1 - LEVEL_ROUNDING
     judgement = judge_ranges(inertia, actuators, low, high)
-    controllable = judgement is not None and judgement.verdict in CONTROLLABLE
-    return opposing_share(actuators.torques, low, high), controllable
+    return share, judgement is not None and judgement.verdict in CONTROLLABLE
 
 
 def judge_ranges(

@@ -107,6 +107,31 @@ def test_ranges_with_a_little_less_than_the_share_do_not_balance():
     assert finite >= 5
 
 
+@pytest.mark.parametrize("rank", [1, 2, 3])
+def test_the_share_is_that_of_a_linear_programme_whatever_the_torques_span(rank):
+    """Also with thrusters that are parallel, of both signs, or held."""
+    random, finite = np.random.default_rng(rank), 0
+    for _ in range(100):
+        count = random.integers(2, 8)
+        torques = np.zeros((3, count))
+        torques[:rank] = random.integers(-2, 3, (rank, count))
+        low = random.choice([0, 0, -1, 0.3, 1], count)
+        high = low + random.choice([0, 0.5, 1], count)
+        least = np.clip(0.0, low, high)
+        ranges = np.hstack([torques * (high - least), torques * (low - least)])
+        programme = linprog(
+            np.eye(2 * count + 1)[-1],
+            A_ub=np.hstack([np.eye(2 * count), -np.ones((2 * count, 1))]),
+            b_ub=np.zeros(2 * count),
+            A_eq=np.hstack([ranges, np.zeros((3, 1))]),
+            b_eq=-torques @ least,
+        )
+        expected = programme.fun if programme.status == 0 else np.inf
+        finite += 0 < expected < np.inf
+        assert opposing_share(torques, low, high) == pytest.approx(expected, rel=1e-9)
+    assert finite >= 10
+
+
 def test_a_constant_torque_across_all_others_has_no_share():
     low = np.array([0.0, 0, 0, 0, 1])
     assert opposing_share(PAIRS[:, :5], low, np.ones(5)) == np.inf
