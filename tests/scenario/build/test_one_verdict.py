@@ -216,7 +216,10 @@ def test_the_law_of_each_actuator_takes_what_is_left_where_controllability_names
 @pytest.mark.slow
 @pytest.mark.parametrize("beside", [wheels(), wheels(0)])
 def test_thrusters_in_a_plane_fly_as_without_the_wheels_that_stay_idle(beside, tmp_path):
-    """Duties from a tumble, with the rates that they cause."""
+    """Duties from a tumble, with the rates that they cause.
+
+    Momenta by tachometers add noise to the rate, by which a torque from outside is believed.
+    """
     flights = []
     for tables in (LEVEL, LEVEL + beside):
         run = build(load(_file(tmp_path, TOLERANT, INERTIA, tables, MODULATION)))
@@ -233,7 +236,8 @@ def test_thrusters_in_a_plane_fly_as_without_the_wheels_that_stay_idle(beside, t
             state = eqx.tree_at(lambda one: one.omega, state, rate)
             told.append([*np.asarray(command)[:4], float(law.mode(memory))])
         flights.append(np.array(told))
-    np.testing.assert_allclose(*flights, atol=1e-9)
+    np.testing.assert_array_equal(flights[0][:, 4], flights[1][:, 4])
+    np.testing.assert_allclose(*flights, rtol=0, atol=5e-4)
     assert np.abs(flights[0][:, :4]).max() > 0.1
 
 
