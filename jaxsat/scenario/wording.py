@@ -33,7 +33,8 @@ def suggestion(word: str, choices: Iterable[str]) -> str:
     choices = list(choices)
     if len(word) > MAX_SHOWN_LENGTH:
         return ""
-    close = [choice for choice in choices if len(word) > 2 and choice.startswith(word)]
+    close = [one for one in choices if len(word) > 2 and one.startswith(word)]
+    close = close or [one for one in choices if one.endswith(f" {word}")]
     close = close or difflib.get_close_matches(word.lower(), choices, 1, 0.6)
     return f", did you mean {close[0]}?" if close else ""
 

@@ -90,7 +90,7 @@ def _failures_have_something_to_strike(values):
         if one.of not in sensors and number_of(one.of, one.part, tables.get(one.part, ())) is None:
             names = [f"{name} {which}" for name, all in tables.items() for which in names_of(all)]
             names = [*sensors, *names]
-            few = ", ".join(f'"{name}"' for name in names[:6])
+            few = ", ".join(f'"{name}"' for name in names[:6]) + (", …" if names[6:] else "")
             few = f"one of {few}" if names else "an actuator or a sensor"
             hint = "" if one.of[-1:].isdigit() else suggestion(one.of, names)
             yield Issue(("failure", number, "of"), f"must name {few}, got {shown(one.of)}{hint}")

@@ -126,6 +126,7 @@ def test_failures_of_both_kinds_of_part_are_drawn_in_one_study(tmp_path):
 TWO = 'of = "wheel 2"\nat_s = 6\nkind = "friction-up"\nfriction_N_m = 2\n'
 MISTAKES = [
     ('of = "wheel roll"', 'of = "wheel 3"', "of", 'must name one of "thruster 1", "thruster pitc'),
+    ('of = "wheel roll"', 'of = "roll"', "of", "did you mean wheel roll?"),
     ('of = "wheel roll"', 'of = "gyro 3"', "of", 'must name one of "thruster 1", "thruster pitc'),
     ('kind = "stopped"', 'kind = "stuck-on"', "kind", "must be one of dead, degraded, stopped"),
     ('kind = "leaking"', 'kind = "runaway"', "kind", "must be one of dead, degraded, stuck-on"),
