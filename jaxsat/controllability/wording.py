@@ -351,13 +351,16 @@ def _wheel_sentence(judgement: Judgement) -> str:
     )
 
 
-def momentum_words(judgement: Judgement) -> str | None:
-    """Return text on the wheels' momentum and the thrusters that change it; None without wheels."""
+def momentum_words(judgement: Judgement, magnetorquers: bool = False) -> str | None:
+    """Return text on the wheels' momentum and what changes it; None without wheels.
+
+    `magnetorquers` says whether some work.
+    """
     wheels = judgement.level_set
     if wheels is None:
         return None
     start = f"Momentum: {wheels.momentum:.3g} N m s in total at the start"
-    if judgement.orbit is not None and judgement.verdict != "not decided":
+    if magnetorquers:
         return f"{start}; magnetorquers take momentum across the field out of the wheels"
     if not np.any(judgement.actuators.torques):
         return f"{start}, conserved: no actuator removes momentum from the wheels"

@@ -136,17 +136,18 @@ def controllability_lines(
     *,
     torque: float = 1.0,
     stopped: Judgement | None = None,
+    magnetorquers: bool = False,
 ) -> list[str]:
     """Return the findings without the verdict; `torque` (N m) is the command for the time scales.
 
     `analysis` is that of the actuators' columns as torques of both signs, None where the momentum
     of wheels decides in place of their rank; `stopped` the judgement once coasting wheels have
-    stopped, None without any.
+    stopped, None without any; `magnetorquers` whether some work.
     """
     jets = torque_cone(judgement.actuators.torques, judgement.actuators.two_sided)
     remarks = [
         once_stopped_words(judgement, stopped),
-        momentum_words(judgement),
+        momentum_words(judgement, magnetorquers),
         net_force_words(net_force(judgement.actuators, jets)),
     ]
     verdict, torques = verdict_sentence(judgement), cone_words(judgement.cone)

@@ -142,7 +142,9 @@ def controllability_study(
     rods, places = all_rods(scenario)
     if stopped is not None and rods is not None:
         stopped = judge_with_rods(stopped, rods, places, tolerance)
-    lines = controllability_lines(judgement, analysis, torque=torque, stopped=stopped)
+    lines = controllability_lines(
+        judgement, analysis, torque=torque, stopped=stopped, magnetorquers=bool(places)
+    )
     stuck = stuck_on_words(scenario.spacecraft.inertia_kg_m2, judgement.actuators)
     lines += [] if stuck is None else [stuck]
     balance, gyros = undriven_balance(scenario), _gyro_cluster(scenario)

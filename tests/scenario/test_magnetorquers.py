@@ -8,6 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from helpers.magnetic import document
+from jaxsat.report.controllability_study import controllability_study
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation.sampled_loop import SampledLoop
@@ -171,3 +172,15 @@ def test_mistakes_are_told(mistake, said):
     mistake(data)
     with pytest.raises(ValidationError, match=said):
         Scenario.model_validate(data)
+
+
+@pytest.mark.slow
+def test_momentum_of_wheels_that_suffice_is_taken_by_magnetorquers_that_work():
+    data = document(wheels=3)
+    lines = "\n".join(controllability_study(Scenario.model_validate(data)).lines)
+    assert "N m s in total at the start; magnetorquers take momentum across the field" in lines
+    for one in data["magnetorquer"]:
+        one["failed"] = True
+    del data["unloading"]
+    lines = "\n".join(controllability_study(Scenario.model_validate(data)).lines)
+    assert "conserved: no actuator removes momentum from the wheels" in lines
