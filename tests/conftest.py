@@ -62,6 +62,7 @@ def _set_up(config) -> None:
 
     from helpers import typechecking
 
+    compiling.share_contexts()
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_numpy_rank_promotion", "raise")
     if config.option.markexpr != "slow":  # they cost 6 %; quick tests call the same functions
@@ -134,6 +135,14 @@ def pytest_xdist_make_scheduler(config, log):
 
     config.option.loadscopereorder = False  # the order is that of the items
     return ByFile(config, log) if config.getvalue("dist") == "loadgroup" else None
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup():
+    """Check the first calls of every test, those of its fixtures among them."""
+    from helpers import typechecking
+
+    typechecking.begin_test()
 
 
 MAX_MEMORY, MIN_GAIN = 4 * 2**30, 2**30
