@@ -270,6 +270,18 @@ def test_a_dipole_that_the_diagnosis_knows_replaces_that_of_the_law(cubesat):
     assert np.abs(np.asarray(act(body, None) - act(nothing, None))).max() > 1e-3
 
 
+@eqx.filter_jit
+def _beside_wheels(law, memory, state, part, dipole, variance):
+    """Commands, mode and torque of the body's dipole, by what a fit of these parts believes."""
+    size, own = jnp.arange(15), memory.rods.fit
+    estimate = own.estimate.at[3:6].set(dipole / law.rods.fit.dipole)
+    covariance = Symmetric(jnp.diag(jnp.where((size >= 3) & (size < 6), variance, 1.0)))
+    own = own._replace(estimate=estimate, covariance=covariance, part=part, sense=jnp.array(0.0))
+    memory = memory._replace(rods=memory.rods._replace(fit=own))
+    command, after = law.step(jnp.array(0.0), state, memory)
+    return command, after.mode, after.rods.pulled
+
+
 @pytest.mark.parametrize("lost", [None, 2])
 @pytest.mark.parametrize("part", [[1.0, 1.0, 1.0], [1.0, 1.0, 0.0]])
 def test_a_known_dipole_of_the_body_is_opposed_beside_wheels(cubesat, lost, part):
@@ -280,26 +292,18 @@ def test_a_known_dipole_of_the_body_is_opposed_beside_wheels(cubesat, lost, part
     attitude = Quaternion(jnp.array(turned / np.linalg.norm(turned)))
     momenta = WheelMomenta(jnp.array([2e-4, -3e-4, 0.0]))
     state = PlantState(attitude, jnp.array([1e-4, -1e-3, 2e-4]), (momenta, None))
-    memory, fit = law.init(state), law.rods.fit
+    memory = law.init(state)
 
-    @eqx.filter_jit
     def flown(dipole, variance):
-        size, own = jnp.arange(15), memory.rods.fit
-        estimate = own.estimate.at[3:6].set(dipole / fit.dipole)
-        covariance = Symmetric(jnp.diag(jnp.where((size >= 3) & (size < 6), variance, 1.0)))
-        own = own._replace(
-            estimate=estimate, covariance=covariance, part=jnp.array(part), sense=jnp.array(0.0)
-        )
-        rods = memory.rods._replace(fit=own)
-        command, after = law.step(jnp.array(0.0), state, memory._replace(rods=rods))
-        return command, after.mode, after.rods.pulled
+        given = (np.array(part), dipole, np.array(variance))
+        return _beside_wheels(law, memory, state, *map(jnp.asarray, given))
 
     body, b = (
         np.array([0.004, -0.006, 0.003]),
         np.asarray(law.rods.steering.field.in_body(jnp.array(0.0), attitude)),
     )
-    own, mode, _ = flown(jnp.zeros(3), 1e-8)
-    command, _, pulled = flown(jnp.asarray(body), 1e-8)
+    own, mode, _ = flown(np.zeros(3), 1e-8)
+    command, _, pulled = flown(body, 1e-8)
     assert mode == (TolerantMode.THREE_AXES if lost is None else TolerantMode.RODS)
     np.testing.assert_allclose(pulled, np.cross(body, b), rtol=1e-9)
     added = np.asarray(command - own)
@@ -308,7 +312,7 @@ def test_a_known_dipole_of_the_body_is_opposed_beside_wheels(cubesat, lost, part
     np.testing.assert_allclose(torque, 0, atol=1e-6 * np.linalg.norm(np.cross(body, b)))
     if part[2]:
         np.testing.assert_allclose(np.cross(rods, b), -np.cross(body, b), rtol=1e-9)
-    unsure, _, none = flown(jnp.asarray(body), 1.0)
+    unsure, _, none = flown(body, 1.0)
     np.testing.assert_array_equal(unsure, own)
     np.testing.assert_array_equal(none, 0)
 

@@ -79,7 +79,7 @@ def rate_under_the_ripple(t):
     return AMPLITUDE / (INERTIA[0] * FREQUENCY) * turned
 
 
-@pytest.mark.parametrize("substeps", [4, 40])
+@pytest.mark.parametrize("substeps", [4, pytest.param(40, marks=pytest.mark.slow)])
 def test_estimate_bounds_the_error_of_a_torque_that_steps_hardly_resolve(substeps):
     run = flown(shaken(substeps), at_rest())
     off = np.abs(np.asarray(run.signals.omega[:, 0]) - rate_under_the_ripple(TIMES)).max()

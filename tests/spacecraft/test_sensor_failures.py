@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -37,7 +38,12 @@ def failures(*each):
 
 def vectors(events, readings, seen, sensor=0, count=2):
     """What is read of vectors, and whether, with the failures of one of `count` sensors."""
+    read = _vectors(events, jnp.array(readings), jnp.array(seen), sensor, count)
+    return list(zip(np.asarray(read.value), np.asarray(read.seen), strict=True))
 
+
+@eqx.filter_jit
+def _vectors(events, readings, seen, sensor, count):
     def sample(last, now):
         number, value, there = now
         condition = events.conditions(number, jnp.array(PERIOD), KEY, count)[sensor]
@@ -45,9 +51,7 @@ def vectors(events, readings, seen, sensor=0, count=2):
         return last, read
 
     first = SensorReading(jnp.zeros(3), jnp.array(False))
-    given = jnp.arange(len(seen)), jnp.array(readings), jnp.array(seen)
-    read = jax.lax.scan(sample, first, given)[1]
-    return list(zip(np.asarray(read.value), np.asarray(read.seen), strict=True))
+    return jax.lax.scan(sample, first, (jnp.arange(len(seen)), readings, seen))[1]
 
 
 READINGS = np.random.default_rng(1).normal(size=(8, 3))
@@ -120,16 +124,18 @@ def test_spikes_have_their_probability_and_size(probability):
 def gyros(kind, amount=0.0, drift=(0, 0, 0), quantile=0.0):
     """Readings of gyros that fail at 2 s, of rates drawn by NumPy, and whether they are valid."""
     events = GyroFailures([0], [2.0], [kind], [amount], [drift], [quantile])
-    gyro = Gyro(limit=3.0, failures=events)
+    return tuple(map(np.asarray, _gyros(Gyro(limit=3.0, failures=events))))
 
+
+@eqx.filter_jit
+def _gyros(gyro):
     def sample(last, now):
         number, rate = now
         read = gyro.read(number, jnp.array(PERIOD), rate, last, KEY)
         return read, (read, gyro.is_valid(number, jnp.array(PERIOD)))
 
     given = jnp.arange(len(READINGS)), jnp.array(READINGS)
-    read, valid = jax.lax.scan(sample, jnp.zeros(3), given)[1]
-    return np.asarray(read), np.asarray(valid)
+    return jax.lax.scan(sample, jnp.zeros(3), given)[1]
 
 
 def test_gyros_repeat_their_last_rates_if_stuck_and_are_invalid_if_dead():

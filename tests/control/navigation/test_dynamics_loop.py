@@ -116,6 +116,7 @@ def test_the_filter_is_told_the_commanded_torque_whatever_fails(tmp_path):
         np.testing.assert_allclose(state.navigation.torque, 0.4 * before + 0.6 * after, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_filter_is_told_no_torque_of_wheels_but_their_momentum(tmp_path):
     run: Any = build(loaded(tmp_path, WHEELS + REST))
     states = walked(run.loop, run.start, 2)

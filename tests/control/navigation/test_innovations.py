@@ -103,7 +103,8 @@ class StrictOracle(Oracle):
         return state if unused else super().updated(state, error, rows, noise)
 
 
-@pytest.mark.parametrize("latency", [2, pytest.param(0, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("latency", [2, 0])
 def test_the_filter_leaves_out_what_one_in_scipy_does(latency):
     """A tracker that is off from the first for a while, single wrong fields, and noise that a high
     probability of a false alarm leaves out now and then. The tracker is excluded, and returns."""

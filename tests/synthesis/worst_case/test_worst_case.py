@@ -138,6 +138,7 @@ def test_a_requirement_that_no_case_can_violate_is_refused(tmp_path, capsys):
     assert "--requirement: must be judged in some case, got SLOW" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_requirement_that_studies_do_not_judge_is_refused(tmp_path, capsys):
     (tmp_path / "s.toml").write_text(SETTLING.replace("rate < 0.02 deg/s", "torque < 1 N m"))
     assert run(["worst", str(tmp_path / "s.toml"), "--out", str(tmp_path / "out")]) == 2
