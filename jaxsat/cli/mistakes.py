@@ -1,6 +1,5 @@
 """Errors of the options' parser in the form of every message: "OPTION: must …, got …"."""
 
-import difflib
 from collections.abc import Iterable, Iterator
 from typing import Literal, get_args, get_origin
 
@@ -16,7 +15,7 @@ from cyclopts import (
 from cyclopts.exceptions import UnknownCommandError
 
 from jaxsat.cli.options import MAX_VALUE_LENGTH
-from jaxsat.core.text import clean
+from jaxsat.core.text import clean, suggestion
 
 CLOSE = 0.75
 """Similarity from which a word is a misspelt one: --sett for --set, not --seed."""
@@ -48,7 +47,7 @@ def parser_message(error: CycloptsError, app: App) -> str:
 def _missing(error: MissingArgumentError, command: str, app: App) -> str:
     assert error.argument is not None
     name, words = error.argument.name, error.unused_tokens or ()
-    misspelt = [word for word in words if _closest(word.partition("=")[0], [name])]
+    misspelt = [word for word in words if suggestion(word.partition("=")[0], [name], CLOSE)]
     if misspelt and error.keyword is None:
         word = clean(misspelt[0], MAX_VALUE_LENGTH)
         return f"{word}: must be an option of `{command}`, did you mean {name}?"
@@ -80,7 +79,7 @@ def _unfit(error: CoercionError, name: str, value: str) -> str:
     value = clean(value, MAX_VALUE_LENGTH) or "nothing"
     choices = _choices(error.target_type)
     if choices:
-        hint = _closest(value, choices)
+        hint = suggestion(value, choices, CLOSE)
         return f"{name}: must be one of {', '.join(choices)}, got {value}{hint}"
     if error.target_type is bool:
         return f"{name}: must be given without a value, got {value}"
@@ -89,7 +88,7 @@ def _unfit(error: CoercionError, name: str, value: str) -> str:
 
 def _unknown_option(word: str, command: str, names: Iterable[str], app: App) -> str:
     others = [other for other in _commands_with(word, app) if f"jaxsat {other}" != command]
-    hint = f" (it is one of {', '.join(others)})" if others else _closest(word, names)
+    hint = f" (it is one of {', '.join(others)})" if others else suggestion(word, names, CLOSE)
     return f"{clean(word, MAX_VALUE_LENGTH)}: must be an option of `{command}`{hint}"
 
 
@@ -106,7 +105,7 @@ def _unknown_command(error: UnknownCommandError, command: str) -> str:
     if word.startswith("-"):
         return f"{clean(word, MAX_VALUE_LENGTH)}: must follow a command ({', '.join(names)})"
     word = clean(word, MAX_VALUE_LENGTH) or "nothing"
-    hint = _closest(word, names)
+    hint = suggestion(word, names, CLOSE)
     return f"`{command}`: must be given with a command ({', '.join(names)}), got {word}{hint}"
 
 
@@ -119,9 +118,3 @@ def _choices(kind: object) -> list[str]:
     if get_origin(kind) is tuple:
         kind = get_args(kind)[0]
     return [str(one) for one in get_args(kind)] if get_origin(kind) is Literal else []
-
-
-def _closest(word: str, choices: Iterable[str]) -> str:
-    """Return `, did you mean …?` for a misspelt word, or an empty text."""
-    close = difflib.get_close_matches(word, list(choices), 1, CLOSE)
-    return f", did you mean {close[0]}?" if close else ""

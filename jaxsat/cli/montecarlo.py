@@ -237,7 +237,7 @@ def _write_study(
     except KeyboardInterrupt as stop:
         with contextlib.suppress(KeyboardInterrupt):  # a second interruption does not wait
             executor.stop()
-        raise type(stop)(_interruption_text(target)) from None
+        raise type(stop)(interruption_text(target)) from None
     excess = excessive_error((summary.rate_error, summary.attitude_error), scenario)
     if excess:
         print_warning(excess)
@@ -250,9 +250,14 @@ def _write_study(
         print_stdout(f"written to {', '.join(map(str, places))}")
 
 
-def _interruption_text(target: Path) -> str:
+def interruption_text(target: Path) -> str:
+    """Return what an interrupted study leaves in its store, and what the same command does."""
+    from jaxsat.store.ledger import status_chunks
+
     if not target.exists():
         return "nothing was written"
+    if not status_chunks(target):
+        return "no chunk is finished yet; the same command starts again"
     return f"the finished chunks are in {target}; the same command resumes"
 
 

@@ -51,9 +51,9 @@ def show(name: str, /, *, printed: Printed = Printed()) -> int:
         One of the names that `jaxsat scenarios list` gives.
     """
     del printed
+    from jaxsat.core.text import suggestion
     from jaxsat.scenario import library
     from jaxsat.scenario.errors import MAX_PLACE_LENGTH
-    from jaxsat.scenario.wording import suggestion
 
     names = library()
     if name not in names:

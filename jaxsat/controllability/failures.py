@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,26 +105,27 @@ def torques_kind(judgement: Judgement) -> str:
     return judgement.cone.kind if judgement.orbit is None else rod_torques(judgement.orbit)
 
 
+_COLUMNS: Mapping[str, Callable[[FailureCase], str | int | float]] = {
+    "failed": lambda case: " ".join(case.failed) or "none",
+    "working": lambda case: " ".join(case.working) or "none",
+    "rank": lambda case: case.judgement.rank,
+    "dimension": lambda case: case.judgement.dimension,
+    "verdict": lambda case: case.judgement.verdict,
+    "margin": lambda case: case.judgement.margin,
+    "turn_time_s": lambda case: case.judgement.turn_time,
+    "directions": lambda case: case.directions,
+    "torques": lambda case: torques_kind(case.judgement),
+    "both_signs_by": lambda case: both_signs_by(case.judgement),
+    "laws": lambda case: case.judgement.laws,
+    "lost": lambda case: case.lost,
+    "once_stopped": lambda case: case.once_stopped or case.judgement.verdict,
+}
+"""Columns of a table of failures, by name."""
+
+
 def failure_records(cases: Sequence[FailureCase]) -> list[dict[str, str | int | float]]:
     """Return one flat dictionary per case, for tables, terminals and data sets."""
-    return [
-        {
-            "failed": " ".join(case.failed) or "none",
-            "working": " ".join(case.working) or "none",
-            "rank": case.judgement.rank,
-            "dimension": case.judgement.dimension,
-            "verdict": case.judgement.verdict,
-            "margin": case.judgement.margin,
-            "turn_time_s": case.judgement.turn_time,
-            "directions": case.directions,
-            "torques": torques_kind(case.judgement),
-            "both_signs_by": both_signs_by(case.judgement),
-            "laws": case.judgement.laws,
-            "lost": case.lost,
-            "once_stopped": case.once_stopped or case.judgement.verdict,
-        }
-        for case in cases
-    ]
+    return [{name: value(case) for name, value in _COLUMNS.items()} for case in cases]
 
 
 def failure_arrays(cases: Sequence[FailureCase], names: Sequence[str]) -> dict[str, np.ndarray]:
@@ -134,7 +135,7 @@ def failure_arrays(cases: Sequence[FailureCase], names: Sequence[str]) -> dict[s
     `borderline` bool, `margin` (dimensionless), `turn_time` (s), the others str.
     """
     records = failure_records(cases)
-    columns = {name: np.array([one[name] for one in records]) for name in records[0]}
+    columns = {name: np.array([one[name] for one in records]) for name in _COLUMNS}
     del columns["working"]
     columns["turn_time"] = columns.pop("turn_time_s")
     return columns | {
@@ -146,14 +147,13 @@ def failure_arrays(cases: Sequence[FailureCase], names: Sequence[str]) -> dict[s
 
 def failure_csv(cases: Sequence[FailureCase]) -> str:
     """Return the table as CSV text, full precision."""
-    records = failure_records(cases)
-    return csv_text([list(records[0]), *(list(one.values()) for one in records)])
+    return csv_text([_COLUMNS, *(one.values() for one in failure_records(cases))])
 
 
 def failure_markdown(cases: Sequence[FailureCase]) -> str:
     """Return the table as Markdown, margins and turn times to three digits."""
     records = failure_records(cases)
-    lines = ["| " + " | ".join(records[0]) + " |", "|" + "---|" * len(records[0])]
+    lines = ["| " + " | ".join(_COLUMNS) + " |", "|" + "---|" * len(_COLUMNS)]
     for record in records:
         for column in ("margin", "turn_time_s"):
             record[column] = number_text(float(str(record[column])), 3)

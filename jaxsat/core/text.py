@@ -2,6 +2,7 @@
 
 import contextvars
 import csv
+import difflib
 import io
 import math
 import unicodedata
@@ -38,6 +39,24 @@ def markdown(text: str) -> str:
 def capitalised(text: str) -> str:
     """Return the text with a capital first letter; the others stay, as those of names must."""
     return text[:1].upper() + text[1:]
+
+
+LONGEST_WORD = 60
+"""Number of characters of a word beyond which nothing is suggested in its place."""
+
+
+def suggestion(word: str, choices: Iterable[str], similarity: float = 0.6) -> str:
+    """Return `, did you mean …?` for the choice closest to a misspelt word, or an empty text.
+
+    Case does not matter. `similarity` is the least one, from 0 to 1.
+    """
+    if len(word) > LONGEST_WORD:
+        return ""
+    names, word = {one.lower(): one for one in choices}, word.lower()
+    close = [one for one in names if len(word) > 2 and one.startswith(word)]
+    close = close or [one for one in names if one.endswith(f" {word}")]
+    close = close or difflib.get_close_matches(word, names, 1, similarity)
+    return f", did you mean {names[close[0]]}?" if close else ""
 
 
 def csv_text(rows: Iterable[Iterable[Any]]) -> str:

@@ -8,9 +8,10 @@ from jaxtyping import Float
 
 from jaxsat.core.declaration.actuator import Signal
 from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.declaration.units import shown_unit
 from jaxsat.core.text import capitalised, number_text
 from jaxsat.report.document import Cell, Shown, Table
-from jaxsat.report.run_plots import part_labels, shown_unit
+from jaxsat.report.run_plots import part_labels
 from jaxsat.report.shares import shares_of
 from jaxsat.store.labelled import Dataset
 

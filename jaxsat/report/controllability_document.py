@@ -54,6 +54,9 @@ def controllability_document(
 ) -> Document:
     """Return the document: verdict, survival, all failures, and the `findings`.
 
+    Where a law of jaxsat flies the spacecraft as it is, survival comes first and the verdict is its
+    reason.
+
     `records` are those of `failure_records`, or rows of failures.csv; with `failures` only those of
     this number of actuators are listed.
     """
@@ -72,7 +75,10 @@ def controllability_document(
         Table(heading, list(columns.values()), rows, note),
         Lines("Findings", findings),
     ]
-    summary = Verdict(_is_good(records[0]), verdict, _survival(records))
+    good, survival = _is_good(records[0]), _survival(records)
+    if good and any(map(count_failed, records)):
+        verdict = f"{survival.pop(0).replace(':', '')} ({verdict})"
+    summary = Verdict(good, verdict, survival)
     return Document(title, summary, blocks)
 
 

@@ -49,7 +49,7 @@ TICKS, ROW, GAP = 0.22, 0.17, 0.17
 LABEL_AT = 0.77
 """Inches from a panel to the label of its axis; numbers at ticks have this room."""
 
-TITLE_WIDTH, LABEL_WIDTH, LEGEND_WIDTH, HANDLE = 110, 22, 100, 7
+TITLE_WIDTH, LABEL_WIDTH, LEGEND_WIDTH, HANDLE = 98, 22, 100, 7
 """Characters of a line above a panel, beside one, and in a legend without a bar beside it, and of
 the line drawn in a legend entry."""
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from jaxsat.core.declaration.actuators import PARTS
+from jaxsat.core.declaration.units import shown_unit
 from jaxsat.core.text import capitalised, number_text, vector_text
 from jaxsat.report.actuator_table import (
     AT_LIMIT,
@@ -17,7 +18,7 @@ from jaxsat.report.actuator_table import (
 from jaxsat.report.document import Document, Facts, Verdict
 from jaxsat.report.facts import scenario_tables, settled_meaning, settles_in_attitude, step_error
 from jaxsat.report.requirements import judgements, requirement_table
-from jaxsat.report.run_plots import has_effectors, shown_unit
+from jaxsat.report.run_plots import has_effectors
 from jaxsat.report.shares import momentum_budget
 from jaxsat.report.timeline import exclusions, failures_of
 from jaxsat.store.dataset import errors_of, time_at_rest, time_to_settle

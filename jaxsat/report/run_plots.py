@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 
 from jaxsat.core.declaration.actuators import ACTUATORS, SIGNALS
+from jaxsat.core.declaration.units import shown_unit
 from jaxsat.core.text import capitalised
 from jaxsat.report.plot import TIME, Axis, Band, Line, Plot, Strips
 from jaxsat.report.style import MOST_LINES
@@ -66,12 +67,6 @@ WRAPPED = frozenset({"pointing_error", "euler_angle"})
 
 BOUND = "_3sigma"
 """Suffix of a signal that bounds an error, in place of "_error": three standard deviations."""
-
-
-def shown_unit(unit: str) -> str:
-    """Format a unit of the CF conventions for display."""
-    symbol = {"degree": "°", "1": ""}.get(unit, unit)
-    return symbol.replace(" s-1", "/s").replace("s-1", "1/s").replace("m2", "m²")
 
 
 def has_effectors(dataset: Dataset) -> bool:

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from jaxsat.core.attitude import pointing_error
+from jaxsat.core.declaration.units import shown_unit
 from jaxsat.report import study_plots
 from jaxsat.report.figure_painter import paint
 from jaxsat.report.saving import save_figures
@@ -240,7 +241,7 @@ def _drawn_number(dataset: xr.Dataset, label: str, cases: np.ndarray) -> DrawnNu
     name = label.partition("[")[0]
     column = dataset[f"drawn_{name}"]
     values = numbers_of(name, np.asarray(column)[cases])[label]
-    unit, meaning = column.attrs["units"], column.attrs["long_name"]
+    unit, meaning = shown_unit(column.attrs["units"]) or "1", column.attrs["long_name"]
     if label == "attitude[angle]":
         unit, meaning = "rad", "rotation from the orbit to the body frame at the start"
     elif name == "attitude":

@@ -27,7 +27,7 @@ from jaxsat.core.declaration.requirements import (
     all_parts,
 )
 from jaxsat.core.errors import ArgumentError
-from jaxsat.scenario.wording import suggestion
+from jaxsat.core.text import suggestion
 
 _TOKEN = re.compile(r"\s*([A-Za-z_]\w*|<=|>=|[-+<>()\[\],:]|$)")
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")

@@ -5,7 +5,6 @@ folder of the scenario file and the current folder, but only if a scenario names
 """
 
 import contextlib
-import difflib
 import importlib
 import importlib.util
 import inspect
@@ -25,6 +24,7 @@ from jaxsat.core.declaration import LawDeclaration, PartDeclaration
 from jaxsat.core.declaration.laws import LAW_GROUP
 from jaxsat.core.errors import JaxsatError, foreign_exceptions
 from jaxsat.core.once import holding, once
+from jaxsat.core.text import suggestion
 
 _MODULE_AND_CLASS = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
 
@@ -141,9 +141,11 @@ def find_class(kind: PluginKind, name: str) -> tuple[Any, str]:
         entry = installed(kind)[name]
         place = f"{entry.module}:{entry.attr}"
     else:
-        names = [f'"{one}"' for one in (*kind.own, *sorted(installed(kind)))]
-        options = f"be one of {', '.join(names)} or " if names else ""
-        raise PluginError(kind, f'must {options}have the form "module:Class", got {name}')
+        names = (*kind.own, *sorted(installed(kind)))
+        quoted = ", ".join(f'"{one}"' for one in names)
+        options = f"be one of {quoted} or " if names else ""
+        hint = suggestion(name, names)
+        raise PluginError(kind, f'must {options}have the form "module:Class", got {name}{hint}')
     module, attribute = place.split(":")
     return _check_class(kind, name, _import_module(kind, name, module), attribute), place
 
@@ -270,11 +272,8 @@ def _check_class(kind: PluginKind, name: str, module: ModuleType, attribute: str
     """Return the class `attribute` of a module; raises `PluginError` if it violates its kind."""
     part_class = getattr(module, attribute, None)
     if not inspect.isclass(part_class):
-        classes = {
-            one.lower(): one for one, value in vars(module).items() if inspect.isclass(value)
-        }
-        close = difflib.get_close_matches(attribute.lower(), classes, 1, 0.6)
-        hint = f", did you mean {classes[close[0]]}?" if close else ""
+        classes = [one for one, value in vars(module).items() if inspect.isclass(value)]
+        hint = suggestion(attribute, classes)
         message = f"must name a class of {module.__name__}, got {name}, which is none{hint}"
         raise PluginError(kind, message)
     bases = tuple(pkgutil.resolve_name(base) for base in kind.bases)  # imports JAX

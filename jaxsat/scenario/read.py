@@ -15,6 +15,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from jaxsat.core.process import add_folders
+from jaxsat.core.text import suggestion
 from jaxsat.scenario.cautions import cautions
 from jaxsat.scenario.errors import Issue, Location, Problem, ScenarioError, ScenarioWarning, key_of
 from jaxsat.scenario.limits import MAX_FILE_SIZE, MAX_OVERRIDES, Excess, require_modest
@@ -33,7 +34,6 @@ from jaxsat.scenario.plugins import (
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.stand_ins import converted, without_types
 from jaxsat.scenario.units import Conversion, spellings
-from jaxsat.scenario.wording import suggestion
 from jaxsat.store.files import OutputError
 from jaxsat.store.marker import is_verified
 

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le, Len, Lt
 
 from jaxsat.core.errors import ArgumentError
+from jaxsat.core.text import suggestion
 from jaxsat.scenario.control import table_of
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.quantities import (
@@ -19,7 +20,7 @@ from jaxsat.scenario.quantities import (
     quantity,
 )
 from jaxsat.scenario.rules import at, is_multiple, rule, rule_over
-from jaxsat.scenario.wording import refusal, shown, suggestion
+from jaxsat.scenario.wording import refusal, shown
 
 Count = Annotated[Whole, Ge(1), Le(10**6)]
 Unit = Annotated[Positive, Lt(1)]

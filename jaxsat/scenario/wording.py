@@ -1,7 +1,6 @@
 """Errors of pydantic in the words of a scenario file: "must …, got …, did you mean …?"."""
 
 import copy
-import difflib
 from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal, get_args, get_origin
 
@@ -11,7 +10,7 @@ from pydantic.fields import FieldInfo
 from jaxsat.core.declaration.laws import LAWS
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.once import once
-from jaxsat.core.text import clean
+from jaxsat.core.text import clean, suggestion
 from jaxsat.scenario.control import known_law, law_names, table_of
 from jaxsat.scenario.errors import Issue, Location, entry_of
 from jaxsat.scenario.parts.named import PartTable, table_of_part
@@ -26,17 +25,6 @@ MAX_VECTOR_LENGTH = 4
 def shown(value: Any) -> str:
     """Value as in the file, shortened."""
     return clean(toml_value(value), MAX_SHOWN_LENGTH)
-
-
-def suggestion(word: str, choices: Iterable[str]) -> str:
-    """`, did you mean …?` for the choice closest to a misspelt word, or empty."""
-    choices = list(choices)
-    if len(word) > MAX_SHOWN_LENGTH:
-        return ""
-    close = [one for one in choices if len(word) > 2 and one.startswith(word)]
-    close = close or [one for one in choices if one.endswith(f" {word}")]
-    close = close or difflib.get_close_matches(word.lower(), choices, 1, 0.6)
-    return f", did you mean {close[0]}?" if close else ""
 
 
 def table_at(root: type[BaseModel], data: Any, location: Location) -> type[BaseModel] | None:

@@ -1,7 +1,6 @@
 """A study as a labelled dataset, and as a table: one row a case, one column a number."""
 
 import json
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import xarray as xr
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
+from jaxsat.core.declaration.units import shown_unit, with_unit
 from jaxsat.simulation.trajectory import Outcome
 from jaxsat.store.chunks import CASE, CASE_COLUMN, DONE, STATUS
 from jaxsat.store.files import save_file
@@ -133,9 +133,8 @@ def _case_columns(name: str, variable: xr.DataArray) -> dict[str, np.ndarray]:
 
 def columns_of(name: str, variable: xr.DataArray) -> dict[str, np.ndarray]:
     """Return the columns of a variable over cases or times, by their names with units."""
-    unit = variable.attrs.get("units", "1").replace("degree", "deg")
-    unit = re.sub(r"[ /]", "_", re.sub(r"-\d+\b", "", unit))
-    suffix = "" if unit == "1" else f"_{unit}"
+    unit = shown_unit(str(variable.attrs.get("units", "1"))).replace("°", "deg")
+    suffix = with_unit("", unit or "1")
     if variable.ndim == 1:
         return {f"{name}{suffix}": variable.values}
     labels = [str(label) for label in variable[variable.dims[1]].values]

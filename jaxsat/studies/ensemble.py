@@ -10,6 +10,7 @@ import numpy as np
 from jaxsat.core.attitude import pointing_error
 from jaxsat.core.checks import require_counts
 from jaxsat.core.declaration.quantities import DISPERSIBLE
+from jaxsat.core.declaration.units import data_unit
 from jaxsat.core.once import once_property
 from jaxsat.simulation.engine.interface import AbstractEngine, Replay, program_identity
 from jaxsat.simulation.engine.program import Program
@@ -165,10 +166,11 @@ class Study:
     def _draw_column(self, name: str) -> Column:
         quantity = DISPERSIBLE[name]
         size = QUANTITIES[name].size(self.case_factory.loop)
+        unit = data_unit(quantity.unit)
         if size == 1:
-            return Column((), "float64", quantity.unit, quantity.meaning)
+            return Column((), "float64", unit, quantity.meaning)
         axis = quantity.axis or f"{name}_component"
-        return Column((size,), "float64", quantity.unit, quantity.meaning, (axis,))
+        return Column((size,), "float64", unit, quantity.meaning, (axis,))
 
     @property
     def _history_times(self) -> list[float] | None:

@@ -11,8 +11,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from jaxsat.cli.montecarlo import interruption_text
 from jaxsat.store.dataset import open_trajectory
 from jaxsat.store.tables import case_table, open_study
+from store.stores import made, values
 
 SHORT = [
     "switching",
@@ -28,6 +30,16 @@ def jaxsat(command_line):
     return functools.partial(command_line, "montecarlo")
 
 
+def test_an_interrupted_study_says_which_chunks_are_kept(tmp_path):
+    path = tmp_path / "s"
+    assert interruption_text(path) == "nothing was written"
+    with made(path) as store:
+        assert interruption_text(path) == "no chunk is finished yet; the same command starts again"
+        store.write(1, values(store.numbers(1)))
+        finished = f"the finished chunks are in {path}; the same command resumes"
+        assert interruption_text(path) == finished
+
+
 @pytest.mark.slow
 def test_a_study_is_written_gone_on_with_and_replayed(jaxsat, tmp_path):
     status, out, _ = jaxsat(*SHORT, "-n", "6", "--seed", "3", "--out", "s", "--figures", "f")
@@ -36,6 +48,7 @@ def test_a_study_is_written_gone_on_with_and_replayed(jaxsat, tmp_path):
     dataset = open_study(tmp_path / "s")
     assert np.all(dataset["status"] == 1)
     assert np.ptp(dataset["drawn_omega"].values, axis=0).min() > 0
+    assert dataset["drawn_omega"].attrs["units"] == dataset["omega"].attrs["units"] == "rad s-1"
     names = {path.name for path in (tmp_path / "f").glob("*.png")}
     fans = ("pointing-fan", "attitude-fan", "rates-fan")
     assert names == {f"{n}.png" for n in (*fans, "settling", "convergence")}

@@ -76,6 +76,7 @@ def test_it_is_built_with_its_keys_and_dumped(own):
     ("override", "told"),
     [
         ("kind=ukf", 'must be one of "mekf", "none" or have the form "module:Class", got ukf'),
+        ("kind=mefk", "got mefk, did you mean mekf?"),
         ("kind=3", "must be text in quotes, got 3"),
         ("kind=observers:Gone", "must name a class of observers"),
         ("kind=observers:Estimate", "a subclass of AbstractEstimator"),

@@ -77,6 +77,13 @@ def test_exports_hold_the_same_numbers():
         failure_table(PAPER, np.ones((3, 15)))
 
 
+def test_a_table_of_no_case_has_its_header_alone():
+    header = failure_csv(failure_table(PAPER, np.eye(3))).splitlines()[0]
+    assert failure_csv([]).splitlines() == [header]
+    assert len(failure_markdown([]).splitlines()) == 2
+    assert failure_arrays([], "xyz")["margin"].shape == (0,)
+
+
 def test_inertia_grid_is_the_physical_triangle():
     points, moments = physical_inertias(40)
     assert len(points) == 41 * 42 // 2 - 3

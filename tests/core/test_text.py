@@ -6,7 +6,15 @@ import unicodedata
 
 import pytest
 
-from jaxsat.core.text import at_least_digits, clean, fixed_text, markdown, number_text, vector_text
+from jaxsat.core.text import (
+    at_least_digits,
+    clean,
+    fixed_text,
+    markdown,
+    number_text,
+    suggestion,
+    vector_text,
+)
 
 
 @pytest.mark.slow
@@ -30,6 +38,16 @@ def test_no_character_hides_or_steers():
 )
 def test_what_is_hidden_is_shown(text, shown):
     assert clean(text) == shown
+
+
+@pytest.mark.parametrize(
+    ("word", "close"),
+    [("thee-axis", "three-axis"), ("THREE-AXIS", "three-axis"), ("pd", "PD"), ("thr", "three-axis"),
+     ("magnetic", None), ("three-axis" * 7, None)],
+)  # fmt: skip
+def test_the_closest_of_some_words_is_suggested(word, close):
+    expected = f", did you mean {close}?" if close else ""
+    assert suggestion(word, ["three-axis", "PD"]) == expected
 
 
 def test_long_text_is_cut():

@@ -50,11 +50,15 @@ def test_torques_of_both_signs_in_a_half_space_keep_the_laws_of_two():
 def test_failures_that_no_law_can_fly_are_not_counted_as_survived():
     """Torques about x, y and (1, 1, 1): any two suffice, and (1, 1, 1) alone by drift."""
     cases = failure_table(PAPER, np.array([[1, 0, 0], [0, 1, 0], [1, 1, 1]], float).T)
-    document = controllability_document("", "", failure_records(cases), [])
+    document = controllability_document("", "Rank 6.", failure_records(cases), [])
+    assert document.verdict.text == (
+        "Survives 3 of 3 single, 0 of 3 double, 0 of 1 triple failures. (Rank 6.)"
+    )
     assert list(document.verdict.more) == [
-        "Survives: 3 of 3 single, 0 of 3 double, 0 of 1 triple failures.",
         "Controllable, but flown by no law of jaxsat: 1 of 3 double failures.",
     ]
+    nothing_fails = controllability_document("", "Rank 6.", failure_records(cases[:1]), [])
+    assert nothing_fails.verdict.text == "Rank 6."
 
 
 def test_failures_without_a_verdict_are_not_counted_as_lost():

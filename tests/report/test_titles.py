@@ -9,8 +9,9 @@ import pytest
 
 from jaxsat.report.comparison_figures import settling_comparison
 from jaxsat.report.controllability_figures import inertia_map
-from jaxsat.report.figure_painter import paint_grid
+from jaxsat.report.figure_painter import paint, paint_grid
 from jaxsat.report.study_figures import study_drawings
+from jaxsat.report.study_plots import settling_plots
 from jaxsat.report.style import escape_mathematics, panels
 from jaxsat.report.tuning_document import methods_plot
 
@@ -50,6 +51,17 @@ def test_titles_and_labels_are_drawn_as_they_are(text):
     axes.legend()
     axes.set_xlabel(escape_mathematics(text))
     drawn(figure)
+
+
+def test_sentences_above_panels_end_within_the_figure():
+    plots = settling_plots(np.linspace(1111.1, 2888.8, 444))
+    figure = paint(plots, "settling time")
+    figure.draw_without_rendering()
+    assert len(plots) == 3
+    for panel in figure.axes:
+        sentence = panel._left_title
+        assert "\n" in sentence.get_text()
+        assert sentence.get_window_extent().x1 <= figure.bbox.x1
 
 
 @pytest.mark.parametrize("length", [40, 84, 120])

@@ -293,6 +293,7 @@ def test_a_disturbance_of_a_package_has_a_name(tmp_path, monkeypatch):
     np.testing.assert_allclose(found, np.cross([0, 0, 2], force), atol=1e-17)
     told = refused("paper-rate", text.replace("aerodynamic", "aerodynamik"))
     assert 'must be one of "aerodynamic" or have the form "module:Class"' in told
+    assert told.endswith("got aerodynamik, did you mean aerodynamic?")
     plugins.installed.cache_clear()
     forget_package()
 

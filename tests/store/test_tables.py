@@ -22,6 +22,7 @@ TABLE_COLUMNS = {
     "omega": Column((3,), "float64", "rad s-1", "the rates", ("body_axis",)),
     "w": Column((2,), "float64", "1", "the tilt", ("w_component",)),
     "drawn_delay": Column((), "float64", "s", "the delay"),
+    "drawn_walk": Column((), "float64", "rad s-2 Hz-0.5", "the bias walk"),
     "history_z": Column((5,), "float64", "rad", "the turn", ("history_time",)),
 }
 TABLE_COORDINATES = {
@@ -40,6 +41,7 @@ def table_values(numbers):
         "omega": numbers[:, None] + np.array([0.1, 0.2, 0.3]),
         "w": np.where((numbers == 4)[:, None], np.nan, np.ones((size, 2))),
         "drawn_delay": numbers * 1e-3,
+        "drawn_walk": numbers * 1e-6,
         "history_z": np.zeros((size, 5)),
     }
 
@@ -87,6 +89,7 @@ def test_a_table_has_a_row_for_every_case_that_is_done(store):
         "w1",
         "w2",
         "drawn_delay_s",
+        "drawn_walk_rad_s2_sqrt_Hz",
     ]
     assert list(table["outcome"][:5]) == [
         *("unsettled", "settled", "unsettled", "settled", "state_limit")

@@ -5,11 +5,11 @@ tuning its search space.
 """
 
 import dataclasses
-import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
+from jaxsat.core.declaration.units import unit_of, with_unit
 from jaxsat.core.ranges import Range
 
 LARGEST = 1e12
@@ -114,7 +114,7 @@ def number(
     *one, several = size if isinstance(size, tuple) else (size,)
     kind = Numeric(above, at_least, at_most, several, bool(one))
     path = name if tunable is True else tunable or None
-    return Key(name, meaning, unit or _unit_of(name), kind, default, path, width, drawn)
+    return Key(name, meaning, unit or unit_of(name), kind, default, path, width, drawn)
 
 
 def of_part(part: str, keys: Iterable[Key]) -> tuple[Key, ...]:
@@ -122,29 +122,6 @@ def of_part(part: str, keys: Iterable[Key]) -> tuple[Key, ...]:
     return tuple(
         dataclasses.replace(key, tunable=key.tunable and f"{part}.{key.tunable}") for key in keys
     )
-
-
-def with_unit(name: str, unit: str) -> str:
-    """Return the key of a quantity: name and unit in SI, "rad_s" for rad/s, none for "1"."""
-    plain = unit.replace("²", "2").replace("√", "sqrt_")
-    return name if unit == "1" else f"{name}_{re.sub(r'[ /]', '_', plain)}"
-
-
-UNITS = ("rad", "rad/s", "rad/s²", "rad/s/√Hz", "rad/s²/√Hz", "s", "m", "m²", "T", "A m²", "N",
-         "N m", "N m s", "N m/√Hz", "N m/s/√Hz", "kg m²", "√kg m")  # fmt: skip
-"""Units that the name of a key may tell."""
-
-_BY_ENDING = {with_unit("", unit): unit for unit in UNITS}
-
-
-_FACTORS = {"1", "deg", "km", "mN"} | {one for unit in UNITS for one in re.split("[ /√²]", unit)}
-"""Factors of units; an ending behind one is part of a longer unit, which `UNITS` does not have."""
-
-
-def _unit_of(name: str) -> str:
-    ending = max(filter(name.endswith, _BY_ENDING), key=len, default="")
-    longer = name.removesuffix(ending).rpartition("_")[2] in _FACTORS
-    return "1" if longer else _BY_ENDING.get(ending, "1")
 
 
 def direction(name: str, meaning: str, default: Any = ...) -> Key:

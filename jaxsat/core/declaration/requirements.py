@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from jaxsat.core.declaration.actuators import PARTS
+from jaxsat.core.declaration.units import shown_unit
 
 _DEGREE = math.pi / 180
 
@@ -72,7 +73,7 @@ REQUIRED_SIGNALS: Mapping[str, RequiredSignal] = {
         *(
             RequiredSignal(
                 signal.name,
-                signal.units.replace(" s-1", "/s"),
+                shown_unit(signal.units),
                 ("largest " if signal.each else "") + signal.meaning,
                 actuator.name,
             )

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxsat.core.declaration.units import shown_unit
 from jaxsat.core.text import capitalised
 from jaxsat.report.actuator_table import actuator_tables
 from jaxsat.report.document import Charts, Document, Facts, Lines, Listing, ReplayScene, Table
@@ -18,7 +19,6 @@ from jaxsat.report.run_plots import (
     further_signals,
     part_labels,
     pointing_plots,
-    shown_unit,
     signal_plots,
     torque_plots,
 )

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from jaxsat.core.declaration.units import shown_unit
 from jaxsat.report.document import Charts, Document, Facts, Listing, Table
 from jaxsat.report.facts import scenario_facts
 from jaxsat.report.page.plots import chart_of
@@ -89,7 +90,7 @@ def _quantities(
         name = label.partition("[")[0]
         column = columns[f"drawn_{name}"]
         values = numbers_of(name, np.asarray(column)[finished_cases])[label]
-        unit = "rad" if label == "attitude[angle]" else column.column.units
+        unit = "rad" if label == "attitude[angle]" else shown_unit(column.column.units) or "1"
         if 0 < settled.mean() < 1:
             plots.append(success_over(label, values, settled, unit))
         plots.append(settling_over(label, values, times, unit))

@@ -3,10 +3,14 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Literal
 
+from pydantic import field_validator
+
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.sensor import TACHOMETER, TachometerFailureKind
 from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS, SENSORS
 from jaxsat.core.declaration.thrusters import IDEAL_KINDS
+from jaxsat.core.errors import ArgumentError
+from jaxsat.core.text import suggestion
 from jaxsat.scenario.errors import Issue, Location
 from jaxsat.scenario.parts.actuator import names_of, number_of
 from jaxsat.scenario.quantities import (
@@ -19,7 +23,7 @@ from jaxsat.scenario.quantities import (
     table_with,
 )
 from jaxsat.scenario.rules import STEPS, at, key_of_fixed_steps, rule, rule_over
-from jaxsat.scenario.wording import shown, suggestion
+from jaxsat.scenario.wording import shown
 
 _IDEAL = "thruster of thruster_torque_axes"
 _BY_NAME = {one.name: one for one in ACTUATORS}
@@ -37,12 +41,12 @@ _KINDS_IN_WORDS = ". ".join(
     for words in dict.fromkeys(_WORDS.values())
 )
 
+_NAMES = tuple(dict.fromkeys(kind.text for kinds in _KINDS.values() for kind in kinds))
+
 if TYPE_CHECKING:
     FailureName = str
 else:
-    FailureName = Literal[
-        tuple(dict.fromkeys(kind.text for kinds in _KINDS.values() for kind in kinds))
-    ]
+    FailureName = Literal[_NAMES]
 
 _AMOUNTS = {one.name: one for kinds in _KINDS.values() for kind in kinds for one in kind.amounts}
 
@@ -61,6 +65,16 @@ class _Failure(ScenarioTable):
     )
     at_s: Time = quantity("When it fails", "s")
     kind: FailureName = choice(f"How it fails. {_KINDS_IN_WORDS}")
+
+    @field_validator("kind", mode="before")
+    @classmethod
+    def _is_one_of_its_part(cls, value: Any, info: Any) -> Any:
+        part = str(info.data.get("of")).partition(" ")[0]
+        if part in _KINDS and isinstance(value, str) and value not in _NAMES:
+            names = list(dict.fromkeys(kind.text for kind in _KINDS[part]))
+            rule = f"must be one of {', '.join(names)} for a {part}"
+            raise ArgumentError("kind", rule, f"{shown(value)}{suggestion(value, names)}")
+        return value
 
 
 class FailureTable(table_with(fields_of(_AMOUNTS.values()), _Failure)):

@@ -6,13 +6,14 @@ from jaxsat.core.declaration.actuator import ActuatorDeclaration, EffectorDeclar
 from jaxsat.core.declaration.actuators import ACTUATORS, EFFECTORS, PARTS
 from jaxsat.core.declaration.law import LawDeclaration
 from jaxsat.core.declaration.laws import LAWS
+from jaxsat.core.text import suggestion
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.actuator import names_of, table_of_device, table_of_type, type_name
 from jaxsat.scenario.parts.thrusters import ThrusterTable
 from jaxsat.scenario.parts.wheels import WheelTable
 from jaxsat.scenario.quantities import ScenarioTable
 from jaxsat.scenario.rules import RULES, at, declared_rule, rule, rule_over
-from jaxsat.scenario.wording import shown, suggestion
+from jaxsat.scenario.wording import shown
 
 TABLES: Mapping[str, type[ScenarioTable]] = {
     **{one.name: table_of_device(one) for one in PARTS},

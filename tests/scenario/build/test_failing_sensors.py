@@ -117,6 +117,8 @@ def loaded(folder, text, changes=(), purpose: Any = None):
         ),
         (failure("horizon_sensor"), "failure.of", 'got "horizon_sensor"'),
         (failure(kind="stuk"), "failure.kind", "did you mean stuck?"),
+        (failure("wheel 1", "seized"), "failure.kind", "must be one of dead, degraded, stopped, "),
+        (failure("wheel 1", "seized"), "failure.kind", 'friction-up, runaway for a wheel, got "se'),
         (
             failure(kind="stopped"),
             "failure.kind",
