@@ -17,7 +17,7 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.core.errors import ArgumentError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.engine.single import fly
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment.orbit import ExactOrbit
 from jaxsat.spacecraft.spacecraft import Spacecraft
@@ -41,13 +41,17 @@ def tau(law):
 
 
 def flight(limit, *overrides, plant=None, **changes):
-    """1,500 control periods, so that all flights are one compiled program."""
+    """All are flown by one compiled program."""
     saved = ["simulation.duration_s=150", "simulation.save_every_s=0.1"]
     run, law = built(limit, *saved, *overrides)
     loop = dataclasses.replace(run.loop, controller=dataclasses.replace(law, **changes))
     if plant is not None:
         loop = dataclasses.replace(loop, plant=plant(loop.plant))
-    return simulate(loop, run.start, run.times, method=run.method)
+    return fly(loop, run.start, run.times, run.method, refuse)
+
+
+def refuse(obstacle):
+    raise AssertionError(obstacle)
 
 
 def order_of(found):
@@ -176,7 +180,7 @@ def test_plans_in_any_unit():
         motion = {key: value for key, value in BASE.items() if not key.startswith("sampling.")}
         overrides = scaled(mass, time, motion)
         run = build(load("acceptance-nominal", ["control.law=planned", *overrides]))
-        return simulate(run.loop, run.start, run.times, method=run.method).signals
+        return run.simulate(refuse).signals
 
     one, other = flown(1.0, 1.0), flown(1e-3, 7.3)
     assert {PlannedMode.PLANNING, PlannedMode.FOLLOWING} < set(np.asarray(one.mode).tolist())

@@ -1,5 +1,6 @@
 """What failures leave, and how a torque is shared among the thrusters left."""
 
+import functools
 import itertools
 
 import equinox as eqx
@@ -23,6 +24,12 @@ KINDS = {3: Left.THREE_AXES, 2: Left.PLANE, 1: Left.LESS, 0: Left.LESS}
 
 
 def tables(torque):
+    return _tables(tuple(map(tuple, torque.tolist())))
+
+
+@functools.cache
+def _tables(rows):
+    torque = np.array(rows)
     return Reconfiguration.of(torque, np.linalg.norm(torque, axis=0), failed_sets(torque))
 
 

@@ -188,10 +188,13 @@ def test_the_command_writes_a_plan_alone(tmp_path):
 @needs("frama-c")
 @pytest.mark.slow
 def test_frama_c_finds_no_run_time_error_with_a_plan_and_one_that_is_put_in(made, tmp_path):
-    """Plans and parameters of many numbers are read to their ends, and not beyond."""
+    """Plans and parameters of many numbers are read to their ends, and not beyond, which is found
+    in one precision: rows are the same in the other."""
     code, _ = made
     write_files(tmp_path, code.files)
     assert _alarms(tmp_path) == (0, [])
+    if code.program.single:
+        return
     place = tmp_path / "controller_plan.c"
     text = place.read_text()
     loop = "for (uint32_t i = 0u; i < row->count; i++)"

@@ -20,12 +20,9 @@ from jaxsat.control.diagnosis.rod_fit import (
 )
 from jaxsat.control.rod_trial import TRIAL
 from jaxsat.control.tolerant_rods import RodMemory
-from jaxsat.core.attitude import Quaternion
 from jaxsat.core.trees import Symmetric
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.simulation.engine.single import simulate
-from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.magnetorquers import NEAREST
 
 PERIOD = 0.5
@@ -339,54 +336,53 @@ def test_the_dipole_of_body_and_stuck_ones_has_the_error_that_the_filter_says(la
     assert np.all(np.asarray(sigma) < 0.1 * LIMIT)
 
 
+def fly(failures, *changes):
+    """Instants, attitudes, and parts of three dipoles beside one wheel; with two failures, so that
+    all flights are one program."""
+    control = '{law="fault-tolerant", natural_frequency_rad_s=0.02, period_s=2}'
+    changes = [f"control={control}", f"failure=[{failures}]", *changes]
+    scenario = load("wheel-and-rods", changes, caution=lambda text: None)
+    found = build(scenario).simulate()
+    part = np.asarray(found.signals.parts["diagnosed_dipole"])
+    return np.asarray(found.times), np.asarray(found.signals.quaternion), part
+
+
+NEVER = '{of="magnetorquer x", at_s=1e6, kind="dead"}'
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["dead", "degraded", "stuck-at"])
 def test_a_failed_magnetorquer_is_found_in_flight(kind):
-    """One of three that fly with one wheel; the others work on."""
+    """The others work on."""
     fraction = "" if kind == "dead" else ", fraction=0.3"
-    control = '{law="fault-tolerant", natural_frequency_rad_s=0.02, period_s=2}'
-    changes = [f"control={control}", "simulation.duration_s=8000"]
-    changes.append(f'failure=[{{of="magnetorquer y", at_s=100, kind="{kind}"{fraction}}}]')
-    run = build(load("wheel-and-rods", changes))
-    assert isinstance(run.start.attitude, Quaternion)
-    assert isinstance(run.start, PlantState)
-    found = simulate(run.loop, run.start, run.times, method=run.method)
-    part = np.asarray(found.signals.parts["diagnosed_dipole"])
+    failing = f'{{of="magnetorquer y", at_s=100, kind="{kind}"{fraction}}}'
+    times, _, part = fly(f"{failing}, {NEVER}")
     assert np.all(part[:, [0, 2]] == 1)
-    assert np.all(part[np.asarray(run.times) < 100] == 1)
-    np.testing.assert_allclose(part[-1, 1], 0.3 if kind == "degraded" else 0.0, atol=0.05)
+    assert np.all(part[times < 100] == 1)
+    late = part[times > 8000, 1]
+    np.testing.assert_allclose(late, 0.3 if kind == "degraded" else 0.0, atol=0.05)
 
 
 @pytest.mark.slow
 def test_a_magnetorquer_that_is_stuck_at_little_is_found_by_trials_and_opposed():
     """It opposes itself by its command, which then is constant: a trial tells that it does not."""
-    control = '{law="fault-tolerant", natural_frequency_rad_s=0.02, period_s=2}'
     start = (
         "initial.quaternion=[-0.43823810, 0.13314972, 0.64829762, -0.60821766]",
         "initial.omega_rad_s=[-0.018778, 0.014204, -0.018968]",
     )
-    changes = [f"control={control}", *start, "simulation.save_every_s=100"]
-    changes.append('failure=[{of="magnetorquer z", at_s=100, kind="stuck-at", fraction=0.2}]')
-    run = build(load("wheel-and-rods", changes))
-    assert isinstance(run.start, PlantState)
-    found = simulate(run.loop, run.start, run.times, method=run.method)
-    times, part = np.asarray(found.times), np.asarray(found.signals.parts["diagnosed_dipole"])
+    stuck = '{of="magnetorquer z", at_s=100, kind="stuck-at", fraction=0.2}'
+    times, quaternion, part = fly(f"{stuck}, {NEVER}", *start)
     assert np.all(part[:, :2] == 1)
     assert np.all(part[times > 8000, 2] == 0)
-    turn = 2 * np.linalg.norm(np.asarray(found.signals.quaternion)[:, 1:], axis=1)
+    turn = 2 * np.linalg.norm(quaternion[:, 1:], axis=1)
     assert np.max(turn[times > 11400]) < 0.02
 
 
 @pytest.mark.slow
 def test_a_magnetorquer_that_works_again_in_flight_is_used_again():
-    control = '{law="fault-tolerant", natural_frequency_rad_s=0.02, period_s=2}'
     dead = '{of="magnetorquer y", at_s=100, kind="dead"}'
     again = '{of="magnetorquer y", at_s=6000, kind="degraded", fraction=0.99}'
-    changes = [f"control={control}", "simulation.duration_s=12000", f"failure=[{dead}, {again}]"]
-    run = build(load("wheel-and-rods", changes, caution=lambda text: None))
-    assert isinstance(run.start, PlantState)
-    found = simulate(run.loop, run.start, run.times, method=run.method)
-    times, part = np.asarray(found.times), np.asarray(found.signals.parts["diagnosed_dipole"])
+    times, _, part = fly(f"{dead}, {again}")
     assert np.all(part[:, [0, 2]] == 1)
     assert np.all(part[(times > 5000) & (times < 6000), 1] == 0)
     np.testing.assert_allclose(part[-1, 1], 1, atol=0.1)

@@ -9,7 +9,7 @@ import pytest
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.simulation.engine.native import engine
+from jaxsat.simulation.engine.native import engine, kept
 from jaxsat.simulation.engine.single import simulate
 
 SCENARIOS = (
@@ -26,9 +26,9 @@ def refuse(obstacle):
 
 
 @contextlib.contextmanager
-def strictly(monkeypatch, folder):
-    """Both checks, and no kernel that was traced without them."""
-    monkeypatch.setenv("JAXSAT_CACHE_DIR", str(folder))
+def strictly(monkeypatch):
+    """Both checks, and no kernel that was traced without them: machine code of its text alone."""
+    monkeypatch.setenv(kept.SETTING, "0")
     monkeypatch.setattr(engine, "_kernels", {})
     with jax.numpy_dtype_promotion("strict"), jax.debug_nans(True):
         yield
@@ -37,10 +37,10 @@ def strictly(monkeypatch, folder):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_scenarios_fly_under_both(name, monkeypatch, tmp_path):
+def test_scenarios_fly_under_both(name, monkeypatch):
     scenario = load(name, ["simulation.duration_s=10"])
     usual = build(scenario).simulate(refuse)
-    with strictly(monkeypatch, tmp_path):
+    with strictly(monkeypatch):
         strict = build(scenario).simulate(refuse)
         assert len(engine._kernels) == 1
     for x, y in zip(jax.tree.leaves(strict), jax.tree.leaves(usual), strict=True):
@@ -49,9 +49,9 @@ def test_scenarios_fly_under_both(name, monkeypatch, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")
-def test_studies_and_diffrax_do_too(monkeypatch, tmp_path):
+def test_studies_and_diffrax_do_too(monkeypatch):
     scenario = load("acceptance-mc", ["simulation.duration_s=4", "simulation.save_every_s=1"])
-    with strictly(monkeypatch, tmp_path):
+    with strictly(monkeypatch):
         run = build(scenario)
         trajectory = simulate(run.loop, run.start, run.times, method=run.method)
         assert int(trajectory.code) == 0

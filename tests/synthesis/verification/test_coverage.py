@@ -35,7 +35,8 @@ def study(tmp_path_factory):
         for name, met in TRUE.items()
     ]
     file.write_text(decaying_rate(0, SIGMA, "".join(tables)))
-    (condition,), _ = conditions_of(load(str(file), purpose="study"), failures=False)
+    scenario = load(str(file), ["simulation.duration_s=6"], purpose="study")
+    (condition,), _ = conditions_of(scenario, failures=False)
     return _Study.of(condition, DEMAND.cases, Execution(), Listener())
 
 

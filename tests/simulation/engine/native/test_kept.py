@@ -325,10 +325,10 @@ from own_law import OwnLaw
 FACTOR, CHANGED = float(sys.argv[1]), sys.argv[2] == "changed"
 jaxsat.IMPORTED_NS += 10**12  # as if the sources had been there for long
 
-lowered = []
+lowered, lower = [], inspect.unwrap(lower_trajectory).__code__
 
-def watch(frame, event, _):  # a function in the place of another would be other code
-    if event == "call" and frame.f_code is inspect.unwrap(lower_trajectory).__code__:
+def watch(frame, *_):  # a function in the place of another would be other code
+    if frame.f_code is lower:
         lowered.append(frame.f_lineno)
 
 class NotebookLaw(RateLaw):
@@ -341,9 +341,9 @@ def fly(kind):
     run = jaxsat.build(load("paper-rate", ["simulation.duration_s=5"]))
     law = kind(**vars(run.loop.controller))
     run = dataclasses.replace(run, loop=dataclasses.replace(run.loop, controller=law))
-    sys.setprofile(watch)
+    sys.settrace(watch)
     rates = run.simulate().signals.omega
-    sys.setprofile(None)
+    sys.settrace(None)
     print(len(lowered) - before, *rates[-1].tolist())
 
 for kind in (RateLaw, NotebookLaw, OwnLaw):
