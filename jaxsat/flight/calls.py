@@ -123,11 +123,12 @@ def _over_range(rng: np.random.Generator, one: Parameter) -> np.ndarray:
 
 
 def whole_range(one: Parameter) -> tuple[int, int]:
-    """Return the range of a parameter of whole numbers, one wider at both ends: these are indices
-    of choices, and one is none."""
+    """Return the bounds of a parameter of whole numbers, one wider at both ends, and from -1 at
+    most: an index out of its table and the divisors 0 and -1 are tested, too."""
+    assert one.bounds is not None
     limits = np.iinfo(one.field.dtype)
-    least, most = int(np.min(one.default)), int(np.max(one.default))
-    return max(least - 1, int(limits.min)), min(most + 1, int(limits.max))
+    least, most = map(int, one.bounds)
+    return max(min(least - 1, -1), int(limits.min)), min(most + 1, int(limits.max))
 
 
 def _at_bounds(rng: np.random.Generator, one: Parameter) -> np.ndarray:

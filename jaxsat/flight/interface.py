@@ -1,5 +1,6 @@
 """icd.csv and icd.md: every field of the C structures, with type, size, unit, range and rate."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -35,8 +36,9 @@ class Parameter:
     """A field of `controller_parameters` with its default and inclusive bounds of its elements.
 
     `key` is the declared key of `[control]`, or of a plan, whose number it is, or None. A float
-    without declared bounds must be finite. Bounds contain the default, also where it is infinite;
-    `bounds` is None for other types, or where a default is NaN.
+    without declared bounds must be finite. A whole number without them, such as an index of a
+    table, is one of its enumeration, or within those of the scenario. Bounds contain the default,
+    also where it is infinite; `bounds` is None for other types, or where a default is NaN.
     """
 
     field: Field
@@ -44,20 +46,33 @@ class Parameter:
     key: Key | None
 
     @property
-    def bounds(self) -> tuple[np.floating, np.floating] | None:
+    def bounds(self) -> tuple[np.number, np.number] | None:
         """Least and largest value, in the type of the field."""
-        if self.field.dtype.kind != "f" or np.isnan(self.default).any():
+        if self.field.dtype.kind not in "fi" or np.isnan(self.default).any():
             return None
         kind = self.field.dtype.type
-        least, most = -np.finfo(kind).max, np.finfo(kind).max
+        least, most = self._stated()
+        return kind(min(least, self.default.min())), kind(max(most, self.default.max()))
+
+    def _stated(self) -> tuple[np.number | int, np.number | int]:
+        """Return the bounds by the key, the enumeration or the type."""
+        kind, real = self.field.dtype.type, self.field.dtype.kind == "f"
+        limits = np.finfo(kind) if real else np.iinfo(kind)
         key = None if self.key is None else self.key.kind
         if isinstance(key, Numeric):
-            most = kind(key.at_most)
+            most = min(key.at_most, limits.max)
             if key.at_least is not None:
-                least = kind(key.at_least)
+                least = kind(key.at_least) if real else math.ceil(key.at_least)
             elif key.above is not None:
-                least = np.nextafter(kind(key.above), kind(np.inf))
-        return kind(min(least, self.default.min())), kind(max(most, self.default.max()))
+                above = math.floor(key.above) + 1
+                least = np.nextafter(kind(key.above), kind(np.inf)) if real else above
+            else:
+                least = limits.min
+            return max(least, limits.min), kind(most)
+        if real:
+            return limits.min, limits.max
+        numbers = [*map(int, self.field.choices or ()), *self.default.ravel()]
+        return min(numbers), max(numbers)
 
     @property
     def range(self) -> str:
@@ -65,6 +80,8 @@ class Parameter:
         if self.bounds is None:
             return "false, true" if self.field.dtype.kind == "b" else "any"
         least, most = self.bounds
+        if self.field.dtype.kind == "i":
+            return names_of(self.field) or f"{least} to {most}"
         largest = np.finfo(self.field.dtype).max
         if (least, most) == (-largest, largest):
             return "finite"
@@ -138,7 +155,7 @@ def rows(
     table += _limits(program, hold_samples)
     outputs = program.structs["output"].fields
     table += [
-        _row("controller_output", field, _unit(field), _numbers(field) or "finite",
+        _row("controller_output", field, _unit(field), names_of(field) or "finite",
              "finite", period)
         for field in outputs
     ]  # fmt: skip
@@ -153,7 +170,7 @@ def rows(
             "controller_state",
             field,
             _unit(field),
-            _numbers(field) or "any",
+            names_of(field) or "any",
             "not NaN",
             period,
         )
@@ -191,7 +208,7 @@ def _judged(field: Field) -> tuple[str, str]:
     return "finite", "finite"
 
 
-def _numbers(field: Field) -> str:
+def names_of(field: Field) -> str:
     """Return the numbers of an enumeration and their names."""
     return ", ".join(f"{one.value} {one.name}" for one in field.choices or ())
 

@@ -38,19 +38,16 @@ def table_source(
     """Return the text of the range check and the checksum of a structure, a `table`."""
     real, plain = real_type(program), table.removeprefix("controller_")
     lines: list[str] = []
-    zero = np.zeros((), np.float32 if program.single else np.float64)[()]
     for number, one in enumerate(of_parameters, 1):
-        field, (least, most) = one.field, one.bounds or (zero, zero)
+        field = one.field
         unit = "" if one.key is None or one.key.unit == "1" else f" {one.key.unit}"
         lines += comment(f"{number} {field.path}: {one.range}{unit}", "  ")
         lines.append(
             f"  {{offsetof({table}, {field.name}), {field.size}u, {field.dtype.itemsize}u,"
         )
-        free = "TRUTH" if field.dtype.kind == "b" else "FREE"
-        kind = free if one.bounds is None else "NUMBER"
-        lines.append(f"   {kind}, {literal(least).text}, {literal(most).text}}},")
+        lines.append(f"   {_limits(one)}}},")
     if not of_parameters:
-        lines.append("  {0u, 0u, 0u, FREE, 0, 0},")
+        lines.append("  {0u, 0u, 0u, FREE, 0, 0, 0, 0},")
     text = template(
         "controller_parameters.c",
         REAL=real,
@@ -63,3 +60,14 @@ def table_source(
         CHECKSUM=f"controller_{plain.removesuffix('s')}_checksum",
     )
     return "\n".join([*intro, text])
+
+
+def _limits(one: Parameter) -> str:
+    """Return the kind of a parameter and its bounds, of floats and of whole numbers."""
+    if one.field.dtype.kind == "b":
+        return "TRUTH, 0, 0, 0, 0"
+    if one.bounds is None:
+        return "FREE, 0, 0, 0, 0"
+    if one.field.dtype.kind == "i":
+        return "WHOLE, 0, 0, " + ", ".join(literal(np.int64(x)).text for x in one.bounds)
+    return f"NUMBER, {', '.join(literal(x).text for x in one.bounds)}, 0, 0"

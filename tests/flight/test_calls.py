@@ -83,13 +83,14 @@ def test_drawn_parameters_are_within_their_ranges_and_at_their_bounds(narrow):
             assert {least, most} <= set(values.ravel())
 
 
-def test_whole_numbers_are_drawn_from_one_below_the_least_to_one_above_the_largest(narrow):
+def test_whole_numbers_are_drawn_from_one_below_their_range_to_one_above_it(narrow):
+    """And from -1, also where that is less."""
     program, table, samples = narrow
     numbers = np.array([3, 5], np.int32)
     field = dataclasses.replace(table[0].field, dtype=numbers.dtype)
     one = dataclasses.replace(table[0], field=field, default=numbers, key=None)
     rows = drawn_calls(program, [one, *table[1:]], samples)
-    assert set(_parts(program, rows)["parameters"][:, :2].ravel()) == {2, 3, 4, 5, 6}
+    assert set(_parts(program, rows)["parameters"][:, :2].ravel()) == {*range(-1, 7)}
 
 
 def test_what_is_expected_of_calls_is_what_the_law_does_with_their_parameters(narrow):

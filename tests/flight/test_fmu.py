@@ -8,45 +8,25 @@ import numpy as np
 import pytest
 
 from helpers.tools import needs
-from jaxsat.core.declaration.keys import number
 from jaxsat.flight import vectors
 from jaxsat.flight.fmu import HEADERS, SOURCES, unit_file, unit_period, unit_sources
-from jaxsat.flight.guard import guard_header
-from jaxsat.flight.guard_source import guard_source
 from jaxsat.flight.interface import parameters, rows
-from jaxsat.flight.parameters import parameters_header, parameters_source
 from jaxsat.flight.program import flight_program
 from jaxsat.flight.recording import recorded_flight
 from jaxsat.flight.reference import Reference
-from jaxsat.flight.source import header, source
-from jaxsat.scenario.build.load import load
-from jaxsat.scenario.build.run import build
-from tests.flight.laws import Filtered, loop_of, start
+from tests.flight.controllers import TRACKER, estimating, few_samples, filtered, sources
 
 fmpy = pytest.importorskip("fmpy")
-
-KEYS = (number("gain", "Gains", "N m s", above=0, at_most=50, size=2, tunable=True),)
-SENSORS = ["gyro.bias_sigma_rad_s=1e-5", "star_tracker={across_rad=1e-5, along_rad=1e-4}"]
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _few_samples():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(vectors, "SAMPLES", 32)
-        patch.setattr(vectors, "CASES", 2)
-        patch.setattr(vectors, "LONGEST", 64)
-        patch.setattr(vectors, "EDGES", 64)
+    with few_samples():
         yield
 
 
-def _filtered():
-    return loop_of(Filtered(gain=[3.0, 2.0])), start(), KEYS
-
-
 def _estimating():
-    scenario = load("switching", [*SENSORS, "control.period_s=0.02"])
-    run = build(scenario)
-    return run.loop, run.start, scenario.law.declaration.keys
+    return estimating(TRACKER, "control.period_s=0.02")
 
 
 @cache
@@ -55,16 +35,10 @@ def made(make, single=False):
     loop, first, keys = make()
     program = flight_program(loop, first, single=single)
     table = parameters(program, loop, keys)
-    files = {
-        "controller.h": header(program, []),
-        "controller.c": source(program, [], libm=False),
-        "controller_guard.h": guard_header(program, []),
-        "controller_guard.c": guard_source(program, []),
-        "controller_parameters.h": parameters_header(table, []),
-        "controller_parameters.c": parameters_source(program, table, []),
-    }
     own = unit_sources(program, rows(program, table), table, [], 10, "A <title> & more")
-    unit, missing = unit_file(own, {name: text.encode() for name, text in files.items()})
+    unit, missing = unit_file(
+        own, {name: text.encode() for name, text in sources(program, table).items()}
+    )
     assert missing == ""
     reference = Reference(program)
     inputs = vectors.vectors(program, loop, first, 100.0, reference=reference)[1]
@@ -91,7 +65,7 @@ def parts_of(program, recording):
     return parts
 
 
-BOTH = [(_filtered,), pytest.param((_estimating, True), marks=pytest.mark.slow)]
+BOTH = [(filtered,), pytest.param((_estimating, True), marks=pytest.mark.slow)]
 
 
 @needs("gcc")
@@ -207,8 +181,8 @@ def test_a_parameter_out_of_its_range_is_refused(unit):
 
 def test_without_a_compiler_a_unit_has_sources_alone(monkeypatch):
     monkeypatch.setattr("jaxsat.flight.fmu.shutil.which", lambda tool: None)
-    sources = {f"sources/{name}": "" for name in SOURCES}
-    unit, missing = unit_file(sources, dict.fromkeys(HEADERS, b""))
+    own = {f"sources/{name}": "" for name in SOURCES}
+    unit, missing = unit_file(own, dict.fromkeys(HEADERS, b""))
     assert missing == "no C compiler (cc) is installed"
     names = zipfile.ZipFile(io.BytesIO(unit)).namelist()
     assert sorted(names) == sorted(f"sources/{name}" for name in (*SOURCES, *HEADERS))

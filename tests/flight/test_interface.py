@@ -1,6 +1,8 @@
 """What an export tells of its interface is what the C has, and its check refuses bad parameters."""
 
 import csv
+import dataclasses
+import enum
 import subprocess
 import zlib
 
@@ -8,23 +10,20 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, Int
 
 from helpers.tools import needs
 from jaxsat.core.declaration.keys import number
 from jaxsat.flight.flight import UNITS
-from jaxsat.flight.guard import guard_header
 from jaxsat.flight.guard_source import guard_source
 from jaxsat.flight.interface import as_csv, as_markdown, parameters, rows
-from jaxsat.flight.parameters import parameters_header, parameters_source
 from jaxsat.flight.program import flight_program
-from jaxsat.flight.source import header, source
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.derived import hold_samples_of
+from tests.flight.controllers import KEYS, sources
 from tests.flight.laws import Filtered, loop_of, start
 
-KEYS = (number("gain", "Gains", "N m s", above=0, at_most=50, size=2, tunable=True),)
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror"]
 DRIVER = r"""
 #include "controller_parameters.h"
@@ -47,14 +46,7 @@ int main(void)
 
 
 def _built(folder, program, table, driver):
-    files = {
-        "controller.h": header(program, []),
-        "controller.c": source(program, [], libm=False),
-        "controller_guard.h": guard_header(program, []),
-        "controller_parameters.h": parameters_header(table, []),
-        "controller_parameters.c": parameters_source(program, table, []),
-        "driver.c": driver,
-    }
+    files = {**sources(program, table), "driver.c": driver}
     for name, text in files.items():
         (folder / name).write_text(text)
     words = ["gcc", *STRICT, "-ffp-contract=off", "driver.c", "controller.c"]
@@ -130,6 +122,81 @@ def test_a_byte_that_is_no_truth_value_is_refused(tmp_path):
     place = next(i for i, one in enumerate(table, 1) if one.field.path == "law.on")
     assert table[place - 1].range == "false, true"
     assert [int(line) for line in found] == [0, 0] + [place] * 254
+
+
+class Indexed(Filtered):
+    """A law with whole numbers of all sizes among its parameters; `order` is a key's."""
+
+    order: Int[Array, ""] = eqx.field(default_factory=lambda: jnp.array(3))
+    rows: Int[Array, "2"] = eqx.field(default_factory=lambda: jnp.array([-1, 4]))
+    half: Int[Array, "2"] = eqx.field(default_factory=lambda: jnp.array([-300, 2], jnp.int16))
+    byte: Int[Array, "2"] = eqx.field(default_factory=lambda: jnp.array([-7, 0], jnp.int8))
+    long: Int[Array, "2"] = eqx.field(default_factory=lambda: jnp.array([-5, 2**53 + 1]))
+
+    def step(self, t, state, memory):
+        """Commands that depend on all of them."""
+        command, memory = super().step(t, state, memory)
+        total = self.rows + self.half + self.byte + self.long
+        return jnp.where(total > self.order, command, 0.0), memory
+
+
+WHOLES = r"""
+#include "controller_parameters.h"
+#include <stdio.h>
+int main(void)
+{
+  int which;
+  long long x;
+  while (scanf("%d %lld", &which, &x) == 2) {
+    controller_parameters p = controller_default_parameters;
+    switch (which) {
+    case 0: p.law_order = (int32_t)x; break;
+    case 1: p.law_rows[1] = (int32_t)x; break;
+    case 2: p.law_half[1] = (int16_t)x; break;
+    case 3: p.law_byte[1] = (int8_t)x; break;
+    default: p.law_long[1] = x; break;
+    }
+    printf("%d %u\n", (int)controller_check_parameters(&p),
+           (unsigned)controller_parameter_checksum(&p));
+  }
+  return 0;
+}
+"""
+
+
+@needs("gcc")
+def test_a_whole_number_out_of_its_range_is_refused(tmp_path):
+    """A key's own range, or that of the scenario's numbers: each end and its neighbour."""
+    loop = loop_of(Indexed(gain=[3.0, 2.0]))
+    program = flight_program(loop, start())
+    keys = (*KEYS, number("order", "Order", above=0.5, at_most=9, default=3, tunable=True))
+    table = parameters(program, loop, keys)
+    names = [f"law.{name}" for name in ("order", "rows", "half", "byte", "long")]
+    ends = [(1, 9), (-1, 4), (-300, 2), (-7, 0), (-5, 2**53 + 1)]
+    by_path = {one.field.path: (place, one) for place, one in enumerate(table, 1)}
+    assert [by_path[name][1].range for name in names] == [f"{x} to {y}" for x, y in ends]
+    asked = [
+        (which, value, 0 if low <= value <= high else by_path[names[which]][0])
+        for which, (low, high) in enumerate(ends)
+        for value in (low - 1, low, high, high + 1)
+    ]
+    lines = "\n".join(f"{which} {value}" for which, value, _ in asked)
+    found = [line.split() for line in _built(tmp_path, program, table, WHOLES)(lines)]
+    for (which, value, wrong), (told, checksum) in zip(asked, found, strict=True):
+        assert int(told) == wrong, (names[which], value)
+        changed = [np.array(one.default.astype(one.field.dtype)) for one in table]
+        changed[by_path[names[which]][0] - 1].flat[-1] = value
+        assert int(checksum) == zlib.crc32(b"".join(x.tobytes() for x in changed))
+
+
+def test_a_number_of_an_enumeration_is_one_of_its_members():
+    loop = loop_of(Indexed(gain=[3.0, 2.0]))
+    table = parameters(flight_program(loop, start()), loop, KEYS)
+    one = next(one for one in table if one.field.path == "law.rows")
+    field = dataclasses.replace(one.field, choices=enum.IntEnum("Phase", {"IDLE": 0, "SAFE": 9}))
+    named = dataclasses.replace(one, field=field, default=np.array([0, 9]))
+    assert named.bounds == (0, 9)
+    assert named.range == "0 IDLE, 9 SAFE"
 
 
 @needs("gcc")

@@ -10,44 +10,30 @@ import numpy as np
 import pytest
 
 from helpers.tools import needs
-from jaxsat.core.declaration.keys import number
 from jaxsat.flight import vectors
 from jaxsat.flight.cfs import CFS, cfs_app, table_bytes, table_cautions
 from jaxsat.flight.fprime import FPRIME, fprime_component
-from jaxsat.flight.guard import groups, guard_header, status_bits
-from jaxsat.flight.guard_source import guard_source
+from jaxsat.flight.guard import groups, status_bits
 from jaxsat.flight.harness import records_header
 from jaxsat.flight.interface import parameters, rows
-from jaxsat.flight.parameters import parameters_header, parameters_source
 from jaxsat.flight.program import flight_program
-from jaxsat.flight.source import header, source
-from jaxsat.scenario.build.load import load
-from jaxsat.scenario.build.run import build
+from tests.flight.controllers import estimating, few_samples, filtered, sources
 from tests.flight.folders import write_files
-from tests.flight.laws import Filtered, loop_of, start
 
 STUBS = Path(__file__).with_name("stubs")
 STRICT = ["-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror", "-ffp-contract=off", "-g"]
 SANITIZED = ["-fsanitize=address,undefined", "-fno-sanitize-recover"]
-KEYS = (number("gain", "Gains", "N m s", above=0, at_most=50, size=2, tunable=True),)
-SENSORS = ["gyro.bias_sigma_rad_s=1e-5", "star_tracker={across_rad=1e-5, along_rad=1e-4}"]
 
 
-def _filtered():
-    return loop_of(Filtered(gain=[3.0, 2.0])), start(), KEYS
-
-
-def _estimating():
-    scenario = load("switching", SENSORS)
-    run = build(scenario)
-    return run.loop, run.start, scenario.law.declaration.keys
+@pytest.fixture(scope="module", autouse=True)
+def _few_samples():
+    with few_samples():
+        yield
 
 
 def _with_vectors():
-    sensors = ["magnetometer={noise_T=1e-7}", "horizon_sensor={noise_rad=1e-3}"]
-    scenario = load("switching", [SENSORS[0], "orbit.inclination_deg=97", *sensors])
-    run = build(scenario)
-    return run.loop, run.start, scenario.law.declaration.keys
+    vectors_seen = ["magnetometer={noise_T=1e-7}", "horizon_sensor={noise_rad=1e-3}"]
+    return estimating("orbit.inclination_deg=97", *vectors_seen)
 
 
 def _driver(kind, program, gain, rate) -> str:
@@ -89,16 +75,9 @@ def _made(make, single=False):
 def _write_controller(folder, made):
     """The files of a controller, and its samples, the first of the closed loops at the end."""
     program, table, _, found = made
-    files = {
-        "controller.h": header(program, []),
-        "controller.c": source(program, [], libm=False),
-        "controller_guard.h": guard_header(program, []),
-        "controller_guard.c": guard_source(program, []),
-        "controller_parameters.h": parameters_header(table, []),
-        "controller_parameters.c": parameters_source(program, table, []),
-        "controller_records.h": records_header(program, []),
-        "samples": np.hstack([found.given, found.expected])[::-1].tobytes(),
-    }
+    samples = np.hstack([found.given, found.expected])[::-1].tobytes()
+    records = records_header(program, [])
+    files = {**sources(program, table), "controller_records.h": records, "samples": samples}
     write_files(folder, files)
 
 
@@ -113,22 +92,12 @@ def _bits(program) -> dict[str, int]:
     return {name.removeprefix("CONTROLLER_STATUS_"): number for name, (number, _) in bits}
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _few_samples():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(vectors, "SAMPLES", 32)
-        patch.setattr(vectors, "CASES", 2)
-        patch.setattr(vectors, "LONGEST", 64)
-        patch.setattr(vectors, "EDGES", 64)
-        yield
-
-
 @needs("gcc")
 @pytest.mark.parametrize(
     ("make", "key", "rate", "single"),
     [
-        (_filtered, "gain", "omega", False),
-        pytest.param(_estimating, "k1", "rate", True, marks=pytest.mark.slow),
+        (filtered, "gain", "omega", False),
+        pytest.param(estimating, "k1", "rate", True, marks=pytest.mark.slow),
         pytest.param(_with_vectors, "k1", "rate", False, marks=pytest.mark.slow),
     ],
 )
@@ -186,7 +155,7 @@ def test_the_app_of_cfs_steps_at_each_wake_up_with_the_bits_of_the_controller(
 
 
 def test_a_table_that_is_larger_than_the_default_of_cfs_is_told(monkeypatch):
-    program = _made(_filtered)[0]
+    program = _made(filtered)[0]
     size = table_bytes(program)
     monkeypatch.setattr("jaxsat.flight.cfs.TABLE_LIMIT", size)
     assert table_cautions(program) == ()
@@ -197,7 +166,7 @@ def test_a_table_that_is_larger_than_the_default_of_cfs_is_told(monkeypatch):
 
 @needs("g++")
 def test_the_component_of_fprime_steps_with_the_bits_of_the_controller(tmp_path):
-    made = _made(_filtered)
+    made = _made(filtered)
     program, table, told_of, found = made
     _write_controller(tmp_path, made)
     write_files(tmp_path, fprime_component(program, told_of, table, [], 10))
@@ -240,7 +209,7 @@ def test_the_component_of_fprime_steps_with_the_bits_of_the_controller(tmp_path)
 @needs("fpp-check")
 @pytest.mark.parametrize(
     ("make", "single"),
-    [(_filtered, False), pytest.param(_estimating, True, marks=pytest.mark.slow)],
+    [(filtered, False), pytest.param(estimating, True, marks=pytest.mark.slow)],
 )
 def test_the_model_of_fprime_is_one(tmp_path, make, single):
     program, table, told_of, _ = _made(make, single)

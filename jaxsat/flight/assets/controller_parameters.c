@@ -6,15 +6,17 @@
 
 #define PARAMETERS (@COUNT@)
 
-typedef enum { FREE, NUMBER, TRUTH } @KIND@;
+typedef enum { FREE, NUMBER, WHOLE, TRUTH } @KIND@;
 
 typedef struct {
   size_t offset;
   uint32_t count;
   uint32_t size;
   @KIND@ kind;
-  @REAL@ least;
+  @REAL@ least; /* of floats */
   @REAL@ most;
+  int64_t lowest; /* of whole numbers */
+  int64_t highest;
 } @ROW@;
 
 static const @ROW@ rows[] = {
@@ -30,21 +32,36 @@ static uint32_t with_byte(uint32_t sum, uint8_t byte)
   return next;
 }
 
-/* The bits of an element of 1, 4 or 8 bytes, whichever byte the processor keeps first. */
+/* The bits of an element of 1, 2, 4 or 8 bytes, whichever byte the processor keeps first. */
 static uint64_t bits_of(const uint8_t *place, uint32_t size)
 {
   uint64_t bits = 0u;
   uint32_t word = 0u;
+  uint16_t half = 0u;
 
   if (size == 8u) {
     (void)memcpy(&bits, place, sizeof(bits));
   } else if (size == 4u) {
     (void)memcpy(&word, place, sizeof(word));
     bits = word;
+  } else if (size == 2u) {
+    (void)memcpy(&half, place, sizeof(half));
+    bits = half;
   } else {
     bits = *place;
   }
   return bits;
+}
+
+/* The whole number of an element, whose highest bit is its sign. */
+static int64_t whole_of(const uint8_t *place, uint32_t size)
+{
+  const uint64_t sign = UINT64_C(1) << ((8u * size) - 1u);
+  const uint64_t bits = (bits_of(place, size) ^ sign) - sign;
+  int64_t x;
+
+  (void)memcpy(&x, &bits, sizeof(x));
+  return x;
 }
 
 static bool is_in_range(const @ROW@ *row, const uint8_t *place)
@@ -55,6 +72,9 @@ static bool is_in_range(const @ROW@ *row, const uint8_t *place)
     @REAL@ x;
     (void)memcpy(&x, place, sizeof(x));
     is_right = (x >= row->least) && (x <= row->most); /* false for what is not a number */
+  } else if (row->kind == WHOLE) {
+    const int64_t x = whole_of(place, row->size);
+    is_right = (x >= row->lowest) && (x <= row->highest);
   } else if (row->kind == TRUTH) {
     is_right = *place <= 1u;
   } else {
