@@ -1,7 +1,6 @@
 """Controllability of a spacecraft from its inertia and its actuators."""
 
 from jaxsat.controllability.actuators import actuator_set as actuator_set
-from jaxsat.controllability.actuators import net_force as net_force
 from jaxsat.controllability.decision import one_thruster_condition as one_thruster_condition
 from jaxsat.controllability.drift import divergence as divergence
 from jaxsat.controllability.drift import energy_bound as energy_bound
@@ -30,5 +29,6 @@ from jaxsat.controllability.maps import physical_inertias as physical_inertias
 from jaxsat.controllability.maps import (
     uncontrollable_single_directions as uncontrollable_single_directions,
 )
+from jaxsat.controllability.net_forces import net_force as net_force
 from jaxsat.controllability.rank import analyse as analyse
 from jaxsat.controllability.wording import verdict_sentence as verdict_sentence

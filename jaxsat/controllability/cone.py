@@ -48,9 +48,14 @@ from jaxsat.core.text import fixed_text
 
 
 def nonnegative_least_squares(
-    columns: Float[np.ndarray, "n k"], target: Float[np.ndarray, " n"]
+    columns: Float[np.ndarray, "n k"],
+    target: Float[np.ndarray, " n"],
+    least_singular: float | None = None,
 ) -> tuple[Float[np.ndarray, " k"], float]:
     """Compute weights λ ≥ 0 that minimise |columns λ - target|, and that least distance.
+
+    Columns are dependent by a singular value below `least_singular` of the largest, by default one
+    that is round-off.
 
     The active set of Lawson and Hanson, *Solving Least Squares Problems* (1974), section 23.3, in
     NumPy: importing SciPy takes longer than all that a scenario needs of it.
@@ -66,7 +71,7 @@ def nonnegative_least_squares(
         if slope[steepest] <= rounding:
             break
         support[steepest] = True
-        weights, support = _least_squares_of(columns, target, weights, support)
+        weights, support = _least_squares_of(columns, target, weights, support, least_singular)
         futile = futile & ~support[steepest]
         futile[steepest] = not support[steepest]
     return weights, float(np.linalg.norm(columns @ weights - target))
@@ -77,11 +82,12 @@ def _least_squares_of(
     target: Float[np.ndarray, " n"],
     weights: Float[np.ndarray, " k"],
     support: Bool[np.ndarray, " k"],
+    least_singular: float | None,
 ) -> tuple[Float[np.ndarray, " k"], Bool[np.ndarray, " k"]]:
     """Return the least squares of the support's columns, without those of negative weight."""
     while True:
         best = np.zeros_like(weights)
-        best[support] = np.linalg.lstsq(columns[:, support], target, rcond=None)[0]
+        best[support] = np.linalg.lstsq(columns[:, support], target, least_singular)[0]
         negative = support & (best <= 0)
         if not negative.any():
             return best, support
@@ -188,14 +194,14 @@ def torque_cone(
     strict, strict_span, _ = _shape(rays, ROUNDING)
     basis = both_signs
     if span > both_signs.shape[1]:
-        across = _complement(both_signs)
+        across = complement(both_signs)
         basis = np.concatenate([both_signs, across @ _basis(across.T @ rays, tolerance)], axis=1)
     return TorqueCone(
         rays=rays,
         both_signs=both_signs,
         span=span,
         opposed=opposed,
-        neither=_complement(basis),
+        neither=complement(basis),
         borderline=(strict.shape[1], strict_span) != (both_signs.shape[1], span),
     )
 
@@ -206,8 +212,8 @@ def _shape(
     """Return the basis of torques of both signs, the dimension of the span, and `opposed`."""
     basis = np.zeros((3, 0))
     while True:
-        complement = _complement(basis)
-        across = complement.T @ rays
+        free = complement(basis)
+        across = free.T @ rays
         lengths = np.linalg.norm(across, axis=0)
         across = across[:, lengths > tolerance] / lengths[lengths > tolerance]
         if not across.shape[1]:
@@ -216,10 +222,10 @@ def _shape(
         distance = float(np.linalg.norm(nearest))
         if distance > tolerance:
             span = basis.shape[1] + _basis(across, tolerance).shape[1]
-            return basis, span, complement @ (-nearest / distance)
+            return basis, span, free @ (-nearest / distance)
         # Moved by the remainder, the columns add up to zero exactly.
         balanced_columns = across[:, weights > tolerance] - nearest[:, None]
-        basis = np.concatenate([basis, complement @ _basis(balanced_columns, tolerance)], axis=1)
+        basis = np.concatenate([basis, free @ _basis(balanced_columns, tolerance)], axis=1)
 
 
 def _nearest_to_zero(
@@ -243,7 +249,7 @@ def _basis(vectors: Float[np.ndarray, "n k"], tolerance: float) -> Float[np.ndar
     return directions[:, values > tolerance * np.sqrt(vectors.shape[1])]
 
 
-def _complement(basis: Float[np.ndarray, "3 r"]) -> Float[np.ndarray, "3 e"]:
+def complement(basis: Float[np.ndarray, "3 r"]) -> Float[np.ndarray, "3 e"]:
     """Return an orthonormal basis of the complement of an orthonormal basis."""
     if not basis.shape[1]:
         return np.eye(3)

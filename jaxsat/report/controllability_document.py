@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from jaxsat.control.what_is_left import LEFT
-from jaxsat.controllability.actuators import net_force, net_force_words
 from jaxsat.controllability.cone import direction_words, torque_cone
 from jaxsat.controllability.failures import FailureCase, failure_arrays
 from jaxsat.controllability.judgement import CONTROLLABLE, Judgement
 from jaxsat.controllability.linear import gramian_time_scales
+from jaxsat.controllability.net_forces import net_force, net_force_words
 from jaxsat.controllability.rank import Analysis, analyse
 from jaxsat.controllability.wording import (
     cone_words,

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog, minimize
 
-from jaxsat.controllability.actuators import actuator_set, net_force, thruster_torques
+from jaxsat.controllability.actuators import actuator_set, thruster_torques
 from jaxsat.controllability.cone import torque_cone
+from jaxsat.controllability.net_forces import net_force
 
 
 def layout(positions, directions, **options):
@@ -57,6 +58,48 @@ def test_couples_are_what_a_linear_programme_of_six_rows_finds(seed):
         wanted = np.concatenate([direction, np.zeros(3)])
         couple = linprog(np.ones(14), A_eq=wrenches, b_eq=wanted, bounds=(0, None)).status == 0
         assert couple == (ratio == 0)
+
+
+def nearly_alike(seed, directions):
+    """Return 9 to 14 thrusters at a few places that are off by 0.1 mm to 1 mm."""
+    rng = np.random.default_rng(seed)
+    count = rng.integers(9, 15)
+    places = rng.integers(-1, 2, size=(count, 3)) + rng.normal(size=(count, 3)) * 10.0 ** (
+        rng.uniform(-4, -3)
+    )
+    return layout(places, rng.choice(directions, count) * rng.choice([-1, 1], (count, 1)))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_thrusters_that_nearly_replace_one_another_push_as_a_linear_programme_allows(seed):
+    actuators = nearly_alike(seed, [[0, 0, 1]])  # a force along z: its size is linear in thrusts
+    found = found_by(actuators)
+    assert found.ratios.size
+    torques, forces = actuators.torques[:2], actuators.forces[2:]
+    for direction, ratio in zip(found.directions.T, found.ratios, strict=True):
+        shared = linprog(
+            [*np.zeros(torques.shape[1]), 1, 1],
+            A_eq=np.block([[torques, np.zeros((2, 2))], [forces, 1, -1]]),
+            b_eq=[*direction[:2], 0],
+            bounds=(0, None),
+        )
+        assert ratio == pytest.approx(shared.fun, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_net_force_of_nearly_alike_thrusters_is_within_the_sums_of_its_parts(seed):
+    actuators = nearly_alike(seed, np.eye(3))
+    found = found_by(actuators)
+    torques, forces = actuators.torques, actuators.forces
+    count = torques.shape[1]
+    for direction, ratio in zip(found.directions.T, found.ratios, strict=True):
+        parts = linprog(  # the least |x| + |y| + |z| of the force
+            [*np.zeros(count), *np.ones(6)],
+            A_eq=np.block([[torques, np.zeros((3, 6))], [forces, np.eye(3), -np.eye(3)]]),
+            b_eq=[*direction, 0, 0, 0],
+            bounds=(0, None),
+        )
+        assert parts.fun / np.sqrt(3) - 1e-7 <= ratio <= parts.fun + 1e-7  # its tolerance
 
 
 def test_couples_single_thrusters_and_unknown_forces():
