@@ -5,6 +5,7 @@ from jaxsat.scenario.build.load import load as load
 from jaxsat.scenario.build.run import Run as Run, build as build
 from jaxsat.scenario.build.study import build_study as build_study
 from jaxsat.core.attitude import DCM as DCM, WZ as WZ, Quaternion as Quaternion
+from jaxsat.synthesis.enclosure.tube import Tube as Tube, enclose as enclose
 from jaxsat.synthesis.optima.run import bound as bound
 from jaxsat.synthesis.optima.search import Bound as Bound
 from jaxsat.synthesis.comparison.acceptance import (

@@ -106,3 +106,13 @@ def test_a_family_of_mixes_has_the_devices_that_its_table_tells():
         assert [row[one] for one in ("wheels", "thrusters", "magnetorquers")] == devices
         assert len(scenario.failure) == str(row["failures"]).count(" at ")
         assert scenario.orbit.altitude_km == pytest.approx(row["altitude_km"], abs=0.5)
+
+
+@pytest.mark.slow
+def test_tubes_are_compared_with_flights(lines_here, monkeypatch):
+    import enclosures
+
+    monkeypatch.delitem(enclosures.LOOPS, "slew")
+    _, row, verdict = lines_here("enclosures")
+    assert row.startswith("| contest | True | 1.0")
+    assert verdict == "proved"

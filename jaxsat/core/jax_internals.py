@@ -5,7 +5,7 @@ reads. `layout_of` describes an equation under names of our own. An equation wit
 than those of the versions in `TESTED` is reported as unknown, without guessing.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -267,6 +267,33 @@ LAYOUTS: dict[str, Callable[[dict], dict]] = {
 
 They raise where one is missing. Primitives without an entry have no such parameters.
 """
+
+
+def without_own_rules(function: Callable, *examples: Any) -> Callable[..., list]:
+    """Return a function of arrays that has no derivatives of its own, so that JAX differentiates
+    each of its operations. It returns a list of its results."""
+    closed = jax.make_jaxpr(function)(*examples)
+    return lambda *values: _evaluate(closed, values)
+
+
+def _evaluate(program: Any, values: Sequence[Any]) -> list[Any]:
+    closed = program.jaxpr if isinstance(program, Expanded) else program
+    jaxpr, constants = getattr(closed, "jaxpr", closed), getattr(closed, "consts", ())
+    variables = [*jaxpr.constvars, *jaxpr.invars]
+    places = dict(zip(variables, [*constants, *values], strict=True))
+
+    def value(atom: Any) -> Any:
+        return atom.val if isinstance(atom, Literal) else places[atom]
+
+    for equation in jaxpr.eqns:
+        operands, layout = [value(atom) for atom in equation.invars], layout_of(equation)
+        if layout.name == CALL and not layout.unknown:
+            results = _evaluate(layout.parameters["body"], operands)
+        else:
+            found = equation.primitive.bind(*operands, **equation.params)
+            results = found if equation.primitive.multiple_results else [found]
+        places.update(zip(equation.outvars, results, strict=True))
+    return [value(atom) for atom in jaxpr.outvars]
 
 
 def key_functions(dtype: Any) -> Any:

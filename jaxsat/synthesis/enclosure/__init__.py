@@ -1,0 +1,1 @@
+"""Sets that provably contain every flight of a sampled loop: affine forms, rounded outward."""
