@@ -229,8 +229,17 @@ class FaultTolerant(AbstractSampledController):
     def _feedback(
         self, sample: Sample, left: _Left, before: QuaternionFeedbackMemory
     ) -> tuple[Vector, QuaternionFeedbackMemory]:
-        """Return the torque (N m) of a law, slower about an axis, with gyroscopic compensation."""
+        """Return the torque (N m) of a law, slower about an axis, with gyroscopic compensation.
+
+        The law reads the mean rate where pulses oppose the torque of a failed actuator.
+        """
         stored, law, slower = self._stored(sample.reading), sample.law, sample.law
+        flows, early = jnp.array(False), jnp.zeros(3)
+        for one, now in left.kinds:
+            flows, early = flows | one.flows(now), early + one.early(now, self.period)
+        early = jnp.where(flows, law.model.spacecraft.inverse_inertia @ early, 0.0)
+        rate = sample.state.omega + early
+        sample = sample._replace(state=dataclasses.replace(sample.state, omega=rate))
         if self.rods is not None and left.axis is not None:
             law, slower = self.rods.slowed(sample, left.axis, cast(Vector, stored))
         torque, after = law.step(sample.t, sample.state, before)

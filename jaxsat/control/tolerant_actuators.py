@@ -172,6 +172,14 @@ class AbstractTolerantActuators(eqx.Module):
         """Return the mean torque (N m) on body and wheels since the last sample, as expected."""
         return jnp.zeros(3)
 
+    def early(self, memory: TolerantMemory, period: RealScalar) -> Vector:
+        """Return the momentum (N m s) that the mean over the last period has beyond its end, by
+        pulses at the start of the period against a constant torque.
+
+        These leave a rate at each sample, although its mean is zero.
+        """
+        return jnp.zeros(3)
+
     def quiet(self, memory: TolerantMemory) -> BoolScalar:
         """Whether `pushed` is as expected: nothing is suspected that makes torques from outside."""
         return jnp.array(True)

@@ -126,6 +126,13 @@ class TolerantThrusters(AbstractTolerantActuators):
         thrust = condition.part * memory.commanded / period + condition.flow
         return self.filter.thrusters.torque @ thrust
 
+    def early(self, memory: TolerantMemory, period: RealScalar) -> Vector:
+        """Return Σ b τ (1/2 - c/T), with on-times τ about the instants c of the period T."""
+        thrusters, on_time = self.filter.thrusters, memory.commanded
+        middle = (thrusters.opening_delay + on_time / 2) / period
+        made = memory.diagnosis.condition.part * on_time
+        return thrusters.torque @ (made * (0.5 - middle))
+
     def quiet(self, memory: TolerantMemory) -> BoolScalar:
         """Whether no thruster is suspected, or makes a torque all the time."""
         return ~memory.diagnosis.alarmed & ~self.flows(memory)

@@ -316,6 +316,17 @@ def test_a_valve_stuck_on_is_opposed_where_seven_others_can():
     assert np.all(np.isfinite(found["settling_time"]))
 
 
+@pytest.mark.slow
+def test_pulses_against_a_stuck_thruster_leave_no_offset():
+    """Pulses begin their period, so samples see the rate a (T/2 - c) with a mean of zero, which the
+    law took for a rotation: it pointed 2 ζ a (T/2 - c) / ω_n off, here 1.9 degrees."""
+    stuck_at = "dispersion.failure_kind={distribution='discrete', values=[3], weights=[1]}"
+    scenario = load("failures-12u", [stuck_at, "control.period_s=0.4", "simulation.save_every_s=2"])
+    found = build_study(scenario, 16, seed=5).values(np.arange(16))
+    assert np.median(found["pointing_error"]) < 0.3
+    assert np.max(found["pointing_error"]) < 0.8
+
+
 def test_modes_of_the_laws_that_fly_under_it_are_numbers_of_its_own():
     slews = [int(tolerant_mode(jnp.array(one), Phase)) for one in Phase]
     assert slews == [3, 4, 5, 6]
