@@ -1,5 +1,6 @@
 """The law that diagnoses its thrusters, in the loop: what it knows, and what it does."""
 
+import dataclasses
 from pathlib import Path
 
 import equinox as eqx
@@ -21,11 +22,14 @@ from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.scenario.derived import thruster_costs
 from jaxsat.scenario.parts.torque_makers import working_torques
-from jaxsat.simulation.engine.single import simulate
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.least_propellant import LeastPropellant
 from jaxsat.studies.failure_codes import FAILURES
 from jaxsat.studies.recovery import wrong_kind
+
+
+def refuse(obstacle):
+    raise AssertionError(obstacle)
 
 
 class Told(eqx.Module):
@@ -59,9 +63,7 @@ def test_law_and_detector_see_estimates_and_commands_alone():
         one,
         replace_fn=lambda x: 0.7 * x - (200.0 if x.shape == (1,) else 0.0),
     )
-    first, second = (
-        simulate(loop, run.start, run.times, method=run.method) for loop in (one, other)
-    )
+    first, second = (dataclasses.replace(run, loop=loop).simulate(refuse) for loop in (one, other))
     assert np.abs(np.asarray(first.signals.omega - second.signals.omega)).max() > 1e-3
     for x, y in zip(
         jax.tree.leaves(first.final.memory), jax.tree.leaves(second.final.memory), strict=True

@@ -1,5 +1,7 @@
 """The law that diagnoses its wheels, in the loop: what it knows, and what it does."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -15,10 +17,13 @@ from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.simulation.engine.single import simulate
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 from jaxsat.store.dataset import trajectory_dataset
+
+
+def refuse(obstacle):
+    raise AssertionError(obstacle)
 
 
 class Told(eqx.Module):
@@ -63,9 +68,7 @@ def test_law_and_detector_see_estimates_readings_and_commands_alone():
             effector_of(one.plant, Wheels).failures.at - 300.0,
         ),
     )
-    first, second = (
-        simulate(loop, run.start, run.times, method=run.method) for loop in (one, other)
-    )
+    first, second = (dataclasses.replace(run, loop=loop).simulate(refuse) for loop in (one, other))
     assert np.abs(np.asarray(first.signals.omega - second.signals.omega)).max() > 1e-3
     for x, y in zip(
         jax.tree.leaves(first.final.memory), jax.tree.leaves(second.final.memory), strict=True

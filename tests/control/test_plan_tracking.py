@@ -16,7 +16,7 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.core.errors import ArgumentError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.engine.single import fly
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.spacecraft import Spacecraft
 
@@ -132,9 +132,13 @@ def flown():
     loop = dataclasses.replace(run.loop, controller=law)
 
     def flight(loop=loop, start=run.start):
-        return simulate(loop, start, run.times, method=run.method)
+        return fly(loop, start, run.times, run.method, refuse)
 
     return run, loop, flight
+
+
+def refuse(obstacle):
+    raise AssertionError(obstacle)
 
 
 def order_of(found):

@@ -35,7 +35,6 @@ from jaxsat.core.trees import Symmetric
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.simulation.engine.single import simulate
 from jaxsat.spacecraft.magnetorquers import NEAREST
 from jaxsat.spacecraft.spacecraft import PlantState
 from jaxsat.spacecraft.wheels import WheelMomenta
@@ -367,7 +366,7 @@ def test_a_flight_is_that_of_an_independent_program():
     loop = eqx.tree_at(
         lambda one: one.controller.actuators[0].known, run.loop, jnp.array([False, False, True])
     )
-    found = simulate(loop, run.start, run.times, method=run.method)
+    found = dataclasses.replace(run, loop=loop).simulate()
     assert set(np.asarray(found.signals.mode)) == {TolerantMode.RODS}
     table, inertia = chosen.orbit, np.array(data["spacecraft"]["inertia_kg_m2"])
     orbit = (
