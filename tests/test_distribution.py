@@ -111,9 +111,10 @@ def test_the_wheel_works_in_an_empty_environment(built, tmp_path, version):
     assert Path(place).is_relative_to(tmp_path)
     assert set(lacking) <= OPTIONAL
     command("simulate", "paper-rate", "--set", "simulation.duration_s=5", "--out", "run")
-    command("simulate", "thruster-dies", "--set", "simulation.duration_s=20", "--out", "pulses")
-    assert "controllable" in command("controllability", "thruster-dies")
     command("report", "run", status=2)  # names the extra
+    if version == PYTHONS[0]:  # the same packages make the others
+        command("simulate", "thruster-dies", "--set", "simulation.duration_s=20", "--out", "pulses")
+        assert "controllable" in command("controllability", "thruster-dies")
 
 
 def interpreter(version):

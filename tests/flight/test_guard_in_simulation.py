@@ -57,9 +57,8 @@ def _row(tree) -> np.ndarray:
 
 
 @needs("gcc")
-@pytest.mark.parametrize(
-    "name", ["switching", pytest.param("thruster-dies", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["switching", "thruster-dies"])
 def test_simulation_and_flight_code_agree_to_the_bit_in_outages(tmp_path, name):
     """Commands, pulses, and the memories of law, estimator and modulator, at every sample: a gap
     of the gyro longer than commands are held, and one of the tracker that begins within it."""

@@ -34,7 +34,8 @@ from jaxsat.spacecraft.spacecraft import Spacecraft
 from oracle.dynamics_filter import DynamicsOracle
 
 
-@pytest.mark.parametrize("latency", [0, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("latency", [0, 3])
 def test_the_filter_is_the_one_written_in_scipy(latency):
     """Estimates and covariances at every sample, with noisy tachometers."""
     seen_by, noise, count = tracker(every=4, latency=latency), 1e-3, 25

@@ -103,6 +103,7 @@ def walked(loop, start, count):
     return states
 
 
+@pytest.mark.slow
 def test_the_filter_is_told_the_commanded_torque_whatever_fails(tmp_path):
     """The mean over a period, with the delay; a dead thruster still counts as if it worked."""
     failure = "[[failure]]\nof = 'thruster 1'\nat_s = 0\nkind = 'dead'\n[sampling]\ndelay_s = 0.2\n"
