@@ -29,7 +29,8 @@ def report(*paths: str, output: Output = Output()) -> int:
     ----------
     paths
         Folders and stores that jaxsat wrote: of a run, a study, a tuning, a comparison, a design,
-        a reproduction or an analysis of controllability.
+        a verification, a rare event, a worst case, a reproduction, or an analysis of
+        controllability.
     output.out
         File to write; by default jaxsat-report.html.
     output.overwrite

@@ -48,19 +48,28 @@ def settled_meaning(scenario: Mapping[str, Any], of_study: bool = False) -> str:
     return tolerances.of_rate(OrbitTable.model_validate(scenario.get("orbit", {})).rate()).text()
 
 
-def scenario_facts(scenario: Mapping[str, Any]) -> dict[str, str]:
-    """Return the main facts of a scenario."""
-    spacecraft, control = scenario.get("spacecraft", {}), scenario.get("control", {})
-    simulation, initial = scenario.get("simulation", {}), scenario.get("initial", {})
-    rows = {"description": " ".join(str(scenario.get("description", "")).split())}
-    rows["inertia"] = f"{_numbers(spacecraft.get('inertia_kg_m2'))} kg m²"
-    rows["actuators"] = _actuators(scenario)
-    rows["third rate"] = str(spacecraft.get("third_rate", ""))
-    keys = (f"{key} = {_numbers(value)}" for key, value in control.items() if key != "law")
-    rows["control law"] = ", ".join([str(control.get("law", "")), *keys])
-    rows["start"] = ", ".join(f"{key} = {_numbers(value)}" for key, value in initial.items())
-    rows["duration"] = f"{_numbers(simulation.get('duration_s'))} s"
+def spacecraft_facts(scenario: Mapping[str, Any]) -> dict[str, str]:
+    """Return the main facts of the spacecraft of a scenario."""
+    spacecraft = scenario.get("spacecraft", {})
+    rows = {
+        "description": " ".join(str(scenario.get("description", "")).split()),
+        "inertia": f"{_numbers(spacecraft.get('inertia_kg_m2'))} kg m²",
+        "actuators": _actuators(scenario),
+        "third rate": str(spacecraft.get("third_rate", "")),
+    }
     return {label: text for label, text in rows.items() if text}
+
+
+def scenario_facts(scenario: Mapping[str, Any]) -> dict[str, str]:
+    """Return the main facts of a scenario: spacecraft, law, start and duration."""
+    control, initial = scenario.get("control", {}), scenario.get("initial", {})
+    keys = (f"{key} = {_numbers(value)}" for key, value in control.items() if key != "law")
+    rows = {
+        "control law": ", ".join([str(control.get("law", "")), *keys]),
+        "start": ", ".join(f"{key} = {_numbers(value)}" for key, value in initial.items()),
+        "duration": f"{_numbers(scenario.get('simulation', {}).get('duration_s'))} s",
+    }
+    return spacecraft_facts(scenario) | {label: text for label, text in rows.items() if text}
 
 
 def _actuators(scenario: Mapping[str, Any]) -> str:

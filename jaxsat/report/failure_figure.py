@@ -70,7 +70,8 @@ def phases(dataset: Dataset) -> dict[str, np.ndarray]:
         instants.append((strike, "failed, not known"))
         isolations = [at for at, name in verdicts(dataset) if at >= strike and "isolated" in name]
         if isolations and isolations[0] < following:
-            what = "settling" if following == np.inf else "flying"
+            settles = following == np.inf and settled > isolations[0]
+            what = "settling" if settles else "flying"
             wheels = _remaining_wheels(dataset, isolations[0])
             instants.append((isolations[0], f"{what} by {wheels}"))
     if np.isfinite(settled) and settled > instants[-1][0]:

@@ -29,18 +29,23 @@ def commands_of(page):
     return COMMAND.findall((DOCS / page).read_text(encoding="utf-8"))
 
 
-PAGES = ("quick-start.md", "gallery.md", "formats.md", "report.md", "../AGENTS.md")
+PAGES = (
+    *("quick-start.md", "your-spacecraft.md", "gallery.md", "formats.md", "report.md"),
+    "../AGENTS.md",
+)
 
 
 @pytest.mark.parametrize("page", PAGES)
 def test_commands_can_be_given_as_they_are_written(page):
-    found = commands_of(page)
+    found, files = commands_of(page), []
     assert found
     for command in found:
         words = shlex.split(command)[1:]
         app.parse_args(words, exit_on_error=False, print_error=False)
         if words[0] == "simulate":
-            assert words[1] in (*library(), "mine.toml"), command
+            assert words[1] in (*library(), "mine.toml", *files), command
+        if words[0] == "design" and "--out" in words:
+            files.append(f"{words[words.index('--out') + 1]}/designed.toml")
 
 
 def test_every_picture_of_the_gallery_stands_below_a_command_that_makes_it():
@@ -73,6 +78,42 @@ def test_the_quick_start_does_what_it_says(command_line, tmp_path):
     found = re.search(r"Settled at ([\d.]+) s", page)
     assert round(float(found.group(1))) == int(told.group(1))
     assert (tmp_path / "both.html").is_file()
+
+
+SPACECRAFT = "your-spacecraft.md"
+
+
+def files_of_the_spacecraft(folder):
+    """Write the files of the page: the spacecraft, that with wheels, and the designed one."""
+    text = (DOCS / SPACECRAFT).read_text(encoding="utf-8")
+    vehicle, designed, requirements, wheels = re.findall(r"```toml\n(.+?)```", text, re.DOTALL)
+    (folder / "sixteen.toml").write_text(vehicle, encoding="utf-8")
+    (folder / "mine.toml").write_text("\n".join((vehicle, designed, requirements)), "utf-8")
+    thrusters = vehicle.partition("[[failure]]")[0]
+    (folder / "wheels.toml").write_text(thrusters + wheels, encoding="utf-8")
+    return text
+
+
+def test_the_files_of_the_spacecraft_are_valid(command_line, tmp_path):
+    files_of_the_spacecraft(tmp_path)
+    for file in ("sixteen.toml", "wheels.toml"):
+        status, out, _ = command_line("scenarios", "check", file)
+        assert (status, out.split(" (")[0]) == (0, f"{file}: valid for controllability and design")
+    status, out, err = command_line("scenarios", "check", "mine.toml")
+    assert (status, err) == (0, "")
+
+
+@pytest.mark.slow
+def test_the_spacecraft_flies_as_its_page_says(command_line, tmp_path):
+    text = files_of_the_spacecraft(tmp_path)
+    status, out, _ = command_line("controllability", "sixteen.toml", "--failures", "1")
+    assert status == 0
+    for begin in ("Survives", "- One thruster stuck on"):
+        assert next(one for one in out.splitlines() if one.startswith(begin)).strip("- ") in text
+    status, out, err = command_line("simulate", "mine.toml", "--out", "flight")
+    assert status == 0, err
+    assert re.search(r"Settled at (\d+)", out).group(1) == re.search(r"settles at (\d+) s", text)[1]
+    assert (tmp_path / "flight" / "failure.png").is_file()
 
 
 def test_notebooks_have_the_outputs_of_their_code():

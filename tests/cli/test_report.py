@@ -101,6 +101,8 @@ def test_a_design_and_an_analysis_have_pages(command_line, tmp_path):
     page = (tmp_path / "c" / "report.html").read_text()
     assert "Controllable: rank 6 of 6" in page
     assert "Survives 3 of 3 single, " in page
+    assert "Spacecraft" in page
+    assert "control law" not in page
 
 
 WRITERS = {

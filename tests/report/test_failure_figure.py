@@ -42,6 +42,7 @@ def test_phases_are_divided_by_failure_isolation_and_settling():
         "settled": (70, 100, 31),
     }
     assert list(phases(run(np.inf))) == ["failed, not known", "settling by what is left"]
+    assert list(phases(run(10.0))) == ["failed, not known", "flying by what is left"]
 
 
 def test_rods_that_take_an_axis_are_named_beside_the_wheels_left():

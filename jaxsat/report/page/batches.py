@@ -18,7 +18,13 @@ from jaxsat.report.comparison_document import comparison_document, place_of
 from jaxsat.report.controllability_document import controllability_document
 from jaxsat.report.design_document import DESIGNED, design_document
 from jaxsat.report.document import Block, Chart, Charts, Document, Facts, Listing, Table
-from jaxsat.report.facts import provenance_facts, record_provenance, scenario_facts, scenario_tables
+from jaxsat.report.facts import (
+    provenance_facts,
+    record_provenance,
+    scenario_facts,
+    scenario_tables,
+    spacecraft_facts,
+)
 from jaxsat.report.page.plots import chart_of
 from jaxsat.report.plot import Axis
 from jaxsat.report.rare_event_document import rare_event_document, rare_event_plots
@@ -152,7 +158,7 @@ def controllability_section(folder: Path) -> Document:
         verdict, findings = (str(dataset.attrs[name]) for name in ("verdict", "findings"))
         document = controllability_document(title, verdict, records, findings.splitlines())
     blocks = [
-        Facts("Scenario", scenario_facts(scenario_tables(dataset))),
+        Facts("Spacecraft", spacecraft_facts(scenario_tables(dataset))),
         *document.blocks,
         provenance_facts(dataset.attrs),
         Listing("Scenario file", str(dataset.attrs.get("scenario", "")), "scenario.toml"),

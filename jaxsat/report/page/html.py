@@ -41,9 +41,9 @@ def report_page(paths: Sequence[str | Path], *, title: str | None = None) -> str
     """Return one HTML file of the results at these paths, which needs no network.
 
     A path is the folder of a run or its `trajectory.nc`, the store of a study, or the folder of a
-    tuning, a comparison, a design, a reproduction or an analysis of controllability. The order is
-    kept. Raises `OutputError` for a path without result or with a damaged one, and
-    `MissingPackages` where Bokeh or Jinja2 are not installed.
+    tuning, a comparison, a design, a verification, a rare event, a worst case, a reproduction or an
+    analysis of controllability. The order is kept. Raises `OutputError` for a path without result
+    or with a damaged one, and `MissingPackages` where Bokeh or Jinja2 are not installed.
     """
     require_packages()
 

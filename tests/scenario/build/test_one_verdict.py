@@ -122,6 +122,9 @@ def test_check_names_the_commands_that_take_a_vehicle(tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "valid for controllability and design" in printed
     assert "others: initial, control, simulation must" in printed
+    start = "[initial]\nquaternion = [1, 0, 0, 0]\nomega_rad_s = [0, 0, 0]\n"
+    assert check(str(_file(tmp_path, INERTIA, rows, "[orbit]\naltitude_km = 550\n", start))) == 0
+    assert "others: control, simulation must" in capsys.readouterr().out
     assert check("two-wheel-telescope") == 0
     told = capsys.readouterr().out
     assert "not for montecarlo and tune: [dispersion] must be given, got nothing" in told
