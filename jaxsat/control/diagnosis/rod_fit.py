@@ -45,7 +45,8 @@ ROUGH = 0.01
 """Relative error of the torque of each magnetorquer, by the field."""
 
 DOUBTED = 0.5
-"""Standard deviation of a loss, over the error of the model, above which it is on trial."""
+"""Standard deviation of the loss of a magnetorquer that works, over the error of the model, and of
+any loss beyond which it is on trial."""
 
 IMPOSSIBLE = 30.0
 """Squares of innovations over their variances at first, beyond which something else acts."""
@@ -125,11 +126,14 @@ class RodFit(eqx.Module):
     axis, `dipole` (A m²) the mean dipole limit, `strength` (T) the mean field and `span` (s) the
     interval between corrections. A magnetorquer has failed once its loss a exceeds the error u of
     the model (`uncertainty`) with the evidence (|a| - u)² / 2σ² - `PENALTY` above 2kh, as for the
-    losses of thrusters: by chance at most once in e^2kh intervals. An interval that the variances
-    do not allow, with as much evidence, makes all states unknown again: something has failed at
-    once. One that even this does not explain has another cause. While a loss is doubtful, trial
-    dipoles change sign from interval to interval. One that was given up returns to service once
-    the part 1 - a that it makes is as evident, at most `MOST_RETURNS` times.
+    losses of thrusters: by chance at most once in e^2kh intervals. A loss is estimated as if all
+    others that work made their dipoles if this explains the sums, by the `margin` of the diagnosis,
+    better than any other loss alone: dipoles along the field show only how losses differ. An
+    interval that the variances do not allow, with as much evidence, makes all states unknown again:
+    something has failed at once. One that even this does not explain has another cause. While a
+    loss is doubtful, even with the others zero, trial dipoles change sign from interval to
+    interval. One that was given up returns to service once the part 1 - a that it makes is as
+    evident, at most `MOST_RETURNS` times.
     """
 
     axes: Float[Array, "3 k"] = eqx.field(converter=as_float)
@@ -252,11 +256,33 @@ class RodFit(eqx.Module):
     def _evidence(self, diagnosis: Diagnosis) -> RealScalar:
         return 2 * diagnosis.reference * diagnosis.threshold
 
+    def _alone(
+        self, memory: RodFitMemory, error: RealScalar
+    ) -> tuple[Float[Array, " k"], Float[Array, " k"], Float[Array, " k"]]:
+        """Return the loss of each if all others that work lack nothing, its variance, and how ill
+        that fits: the squares over variances of what the others lack."""
+        count, each = self.count, jnp.arange(self.count)
+        before = memory.estimate[:count], memory.covariance.matrix[:count, :count]
+
+        def alone(number):
+            own = each == number
+            works = jnp.diag(jnp.where(memory.failed | own, 0.0, 1 / (DOUBTED * error)))
+            misfit, (loss, covariance) = _updated(*before, works, jnp.zeros(count))
+            loss, variance = (jnp.where(own, x, 0.0) for x in (loss, jnp.diagonal(covariance)))
+            return jnp.sum(loss), jnp.sum(variance) + SMALLEST, misfit
+
+        return jax.lax.map(alone, each)
+
     def _judged(self, memory: RodFitMemory, diagnosis: Diagnosis) -> RodFitMemory:
         """Return the memory with the verdicts."""
         error = diagnosis.uncertainty
-        loss = memory.estimate[: self.count]
+        alone, least, misfit = self._alone(memory, error)
+        behind = (misfit[None] > misfit[:, None] + 2 * diagnosis.margin) | (alone <= 0)[None]
+        behind = jnp.all(behind | jnp.eye(self.count, dtype=bool), axis=1)
+        likeliest = memory.failed | ((alone > 0) & behind)
         variance = jnp.diagonal(memory.covariance.matrix)[: self.count] + SMALLEST
+        loss = jnp.where(likeliest, alone, memory.estimate[: self.count])
+        variance = jnp.where(likeliest, least, variance)
         evidence = PENALTY + self._evidence(diagnosis)
         beyond = jnp.maximum(jnp.abs(loss) - error, 0.0)
         proven = beyond**2 / (2 * variance) > evidence
@@ -270,7 +296,7 @@ class RodFit(eqx.Module):
         part = jnp.where(failed, part, 1.0)
         returned = jnp.where(returned & (part != 0), 1.0, 0.0)
         unknown = jnp.concatenate([returned, jnp.zeros(2 * self.count + 6)])
-        doubted = jnp.any(variance > (DOUBTED * error) ** 2)
+        doubted = jnp.any(least > (DOUBTED * error) ** 2)
         sense = jnp.where(doubted, jnp.where(memory.sense > 0, -1.0, 1.0), 0.0)
         return memory._replace(
             covariance=Symmetric(memory.covariance.matrix + jnp.diag(unknown)),
@@ -291,10 +317,10 @@ def across(axes: Float[np.ndarray, "3 k"]) -> Float[np.ndarray, "2 3 k"]:
 def _updated(
     estimate: Float[Array, " n"],
     covariance: Float[Array, "n n"],
-    rows: Float[Array, "3 n"],
-    read: Vector,
+    rows: Float[Array, "m n"],
+    read: Float[Array, " m"],
 ) -> tuple[RealScalar, tuple[Float[Array, " n"], Float[Array, "n n"]]]:
-    """Return the squares of three innovations, of noise 1, over their variances, and estimate and
+    """Return the squares of innovations, of noise 1, over their variances, and estimate and
     covariance after them."""
 
     def also(number, before):
@@ -310,5 +336,5 @@ def _updated(
         )
 
     first = (jnp.zeros_like(read[0]), estimate, covariance)
-    squares, *after = jax.lax.fori_loop(0, 3, also, first)
+    squares, *after = jax.lax.fori_loop(0, len(rows), also, first)
     return squares, (after[0], after[1])

@@ -187,12 +187,42 @@ def test_what_no_magnetorquer_explains_and_what_is_not_quiet_changes_no_estimate
     noise = np.random.default_rng(4).normal(0, 1e-5, momentum.shape)
     pushed = momentum + np.where(times > 800, 1e-2 * (times - 800), 0)[:, None]
     assert np.abs(known).max() < 1e-4 * 1e-1
-    before = flown(law, samples(times[times < 780], momentum[times < 780]))
+    before = flown(law, samples(times[times < 800], momentum[times < 800]))
     seen = flown(law, samples(times, pushed + noise * 0))
     np.testing.assert_array_equal(
         np.asarray(seen.part)[times > 900], np.tile(before.part[-1], (sum(times > 900), 1))
     )
     assert not np.any(flown(law, samples(times, momentum, quiet=False)).failed)
+
+
+@pytest.mark.parametrize("weak", [0, 1, 2, None])
+def test_a_loss_that_dipoles_along_the_field_show_is_that_of_one_alone(law, weak):
+    """They show differences of losses, which all three could have: one that makes half has failed,
+    rather than two that make more. Conditioned on the others by their information."""
+    times, half = PERIOD * np.arange(FLIGHT), np.where(np.arange(3) == weak, 0.5, 1.0)
+    middle = times - PERIOD / 2
+    sense = np.where(times // float(law.rods.fit.span) % 2, 0.3, -0.3)
+    along = field(middle).T / np.linalg.norm(field(middle), axis=0)[:, None]
+    moved = field(middle).T[:, :, None] * (sense[:, None] * along)[:, None]
+    made = np.cross(np.eye(3), half * moved, axisa=0, axisb=1).sum(axis=1) + KNOWN
+    momentum = np.zeros((FLIGHT, 3))
+    for number in range(1, FLIGHT):
+        turn = np.cross(rate(middle[number]), momentum[number - 1])
+        momentum[number] = momentum[number - 1] + PERIOD * (made[number] - turn)
+    read = samples(times, momentum)._replace(driven=jnp.asarray(moved))
+    last = jax.tree.map(lambda one: one[-1], flown(law, read))
+    covariance = np.asarray(last.covariance.matrix)[:3, :3]
+    spread = np.sqrt(np.diag(covariance))
+    assert np.all(spread > 0.5)
+    assert list(last.failed) == [one == weak for one in range(3)]
+    if weak is None:
+        return
+    works = np.arange(3) != weak
+    others = np.diag(works / (DOUBTED * 0.1) ** 2)
+    information = np.linalg.inv(covariance)
+    alone = np.linalg.solve(information + others, information @ np.asarray(last.estimate[:3]))
+    np.testing.assert_allclose(last.part[weak], 1 - alone[weak], rtol=1e-6)
+    np.testing.assert_allclose(last.part[weak], 0.5, atol=0.01)
 
 
 @pytest.fixture(scope="module")
