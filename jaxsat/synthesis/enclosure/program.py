@@ -1,5 +1,6 @@
 """A function in `jax.numpy`, evaluated for affine forms."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -122,6 +123,54 @@ def _split(given: Mapping, x: Form) -> list[Form]:
     return [Form(part, x.starts) for part in np.split(x.rows, ends, axis)]
 
 
+def _places(index: Form) -> np.ndarray:
+    """Return an index, which must be constant."""
+    if index.reach.any():
+        raise ArgumentError("function", "must index arrays by constants")
+    return index.center.astype(int)
+
+
+def _gathered(given: Mapping, x: Form, index: Form) -> Form:
+    count = math.prod(x.shape)
+    taken = jax.lax.gather(
+        np.arange(count).reshape(x.shape),
+        _places(index),
+        given["dimension_numbers"],
+        given["slice_sizes"],
+        mode=given["mode"],
+    )
+    return Form(x.rows.reshape(len(x.rows), count)[:, np.asarray(taken)], x.starts)
+
+
+def _scattered(given: Mapping, x: Form, index: Form, new: Form) -> Form:
+    """Some numbers replaced, by the places of all numbers in old and new ones together."""
+    count, more = math.prod(x.shape), math.prod(new.shape)
+    taken = jax.lax.scatter(
+        np.arange(count).reshape(x.shape),
+        _places(index),
+        np.arange(count, count + more).reshape(new.shape),
+        given["dimension_numbers"],
+        mode=given["mode"],
+    )
+
+    def moved(_: Mapping, old: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        flat = np.concatenate([old.reshape(-1, count), rows.reshape(-1, more)], 1)
+        return flat[:, np.asarray(taken)]
+
+    return _moved(moved)(given, x, new)
+
+
+def _sliced(given: Mapping, x: Form, *starts: Form) -> Form:
+    sizes = given["slice_sizes"]
+    first = [int(_places(one)) for one in starts]
+    ends = [
+        min(max(at, 0), length - size)
+        for at, length, size in zip(first, x.shape, sizes, strict=True)
+    ]
+    cuts = (slice(at, at + size) for at, size in zip(ends, sizes, strict=True))
+    return Form(x.rows[(slice(None), *cuts)], x.starts)
+
+
 def _plain(function: Callable[..., Form]) -> Rule:
     """Return the rule of an operation without parameters."""
     return lambda given, *forms: function(*forms)
@@ -175,6 +224,9 @@ RULES: dict[str, Rule] = {
     "reduce_sum": lambda given, x: total(x, given["axes"]),
     "reduce_max": _extreme(functions.larger),
     "reduce_min": _extreme(functions.smaller),
+    "gather": _gathered,
+    "scatter": _scattered,
+    "dynamic_slice": _sliced,
     "unstack": _separated,
     "split": _split,
     "slice": _moved(_cut),

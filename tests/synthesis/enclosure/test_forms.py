@@ -162,6 +162,24 @@ def test_a_smooth_program_is_unbounded_at_a_corner():
     assert list(np.isfinite(found.upper)) == [False, True, False]
 
 
+def test_numbers_are_moved_as_numpy_moves_them():
+    def function(x):
+        rows = x[np.array([2, 0])]
+        return [rows, x.at[1].set(rows[0]), jax.lax.dynamic_slice(x, (1, 0), (2, 2)), x[::-1].T]
+
+    x = np.random.default_rng(1).normal(size=(3, 2))
+    form = form_of(np.random.default_rng(2), x, 0.1)
+    changed = x.copy()
+    changed[1] = x[2]
+    found = FormProgram(function, x)(form)
+    for one, expected in zip(found, [x[[2, 0]], changed, x[1:], x[::-1].T], strict=True):
+        np.testing.assert_array_equal(one.center, expected)
+    np.testing.assert_array_equal(found[1].rows[:, 1], form.rows[:, 2])
+    with pytest.raises(ArgumentError, match="constants"):
+        program = FormProgram(lambda x: jnp.arange(3.0)[jnp.floor(x).astype(int)], np.zeros(1))
+        program(between([0.0], [1.0]))
+
+
 def test_operations_without_a_rule_are_refused():
     with pytest.raises(ArgumentError, match="`sort`"):
         FormProgram(jnp.sort, np.zeros(3))
