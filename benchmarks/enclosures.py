@@ -17,6 +17,7 @@ import numpy as np
 
 import jaxsat
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
+from jaxsat.control.rate import RateLaw
 from jaxsat.core.attitude import Quaternion
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment.orbit import ExactOrbit
@@ -97,6 +98,24 @@ def slew(period: float = 0.5, periods: int = 200, width: float = 0.01) -> Loop:
     return Loop(dynamics, controller, (middle - width / 2, middle + width / 2), period, periods)
 
 
+def rate(period: float = 0.1, periods: int = 100, width: float = 0.0025) -> Loop:
+    """The rate law (38)-(39) by two torques with its corner rounded over 2e-4 rad/s, for 10 s.
+
+    The body is the paper's, the gains are those of `switching-rounded`. The state is rates, rad/s.
+    """
+    model = RigidBody(Spacecraft([449.5, 264.6, 312.5]), ExactOrbit(0.0011))
+    law, start = RateLaw(model, 1.02, 0.496, 2e-4), np.array([0.1, -0.11, 0.1])
+
+    def dynamics(x, u):
+        return model.angular_acceleration(x, jnp.concatenate([u, jnp.zeros(1)]))
+
+    def controller(x):
+        state = PlantState(Quaternion(jnp.array([1.0, 0.0, 0.0, 0.0])), x)
+        return law(jnp.zeros(()), state, None)[0]
+
+    return Loop(dynamics, controller, (start - width / 2, start + width / 2), period, periods)
+
+
 def flights(loop: Loop, count: int = 10_000, substeps: int = 10) -> np.ndarray:
     """Return the states of flights at all samples, from all corners and random starts."""
     low, high = loop.start
@@ -124,7 +143,7 @@ def flights(loop: Loop, count: int = 10_000, substeps: int = 10) -> np.ndarray:
     return np.concatenate([start[None], np.asarray(states)])
 
 
-LOOPS = {"contest": contest, "slew": slew}
+LOOPS = {"contest": contest, "slew": slew, "rate": rate}
 """Loops by name."""
 
 

@@ -113,6 +113,7 @@ def test_tubes_are_compared_with_flights(lines_here, monkeypatch):
     import enclosures
 
     monkeypatch.delitem(enclosures.LOOPS, "slew")
-    _, row, verdict = lines_here("enclosures")
+    _, row, verdict, other = lines_here("enclosures")
     assert row.startswith("| contest | True | 1.0")
     assert verdict == "proved"
+    assert other.startswith("| rate | True | 1.0")
