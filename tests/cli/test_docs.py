@@ -84,14 +84,17 @@ SPACECRAFT = "your-spacecraft.md"
 
 
 def files_of_the_spacecraft(folder):
-    """Write the files of the page: the spacecraft, that with wheels, and the designed one."""
+    """Write the files of the page: the spacecraft, that with wheels, and the designed one.
+
+    Returns the text of the page in one line.
+    """
     text = (DOCS / SPACECRAFT).read_text(encoding="utf-8")
     vehicle, designed, requirements, wheels = re.findall(r"```toml\n(.+?)```", text, re.DOTALL)
     (folder / "sixteen.toml").write_text(vehicle, encoding="utf-8")
     (folder / "mine.toml").write_text("\n".join((vehicle, designed, requirements)), "utf-8")
     thrusters = vehicle.partition("[[failure]]")[0]
     (folder / "wheels.toml").write_text(thrusters + wheels, encoding="utf-8")
-    return text
+    return " ".join(re.sub(r"^> ", "", text, flags=re.MULTILINE).replace("\\", "").split())
 
 
 def test_the_files_of_the_spacecraft_are_valid(command_line, tmp_path):
