@@ -116,6 +116,40 @@ def rate(period: float = 0.1, periods: int = 100, width: float = 0.0025) -> Loop
     return Loop(dynamics, controller, (start - width / 2, start + width / 2), period, periods)
 
 
+def three_axis(period: float = 0.1, periods: int = 160, width: float = 0.01) -> Loop:
+    """The three-axis law (40)-(42) with tanh for sat and |w|² + δ² under its fraction, for 16 s.
+
+    The third rate is held at 0, (11) is that of small angles, the body is the paper's, and the
+    gains are those of `switching-rounded`. The state is w, z, and two rates (rad/s); w stays away
+    from 0.
+    """
+    moments, orbit_rate = jnp.array([449.5, 264.6]), jnp.array([0.0, 0.0011])
+    k3, mu, bound, k4, weight, tilt = 0.0622, 0.232, 0.341, jnp.array([48.9, 521.0]), 2.41, 0.0201
+
+    def kinematics(x):
+        w, rate = x[:2], x[3:] + orbit_rate
+        turning = (1 - w @ w) / 2 * rate + w * (w @ rate)
+        return jnp.concatenate([turning, (w[0] * rate[1] - w[1] * rate[0])[None]])
+
+    def dynamics(x, u):
+        return jnp.concatenate([kinematics(x), u / moments])
+
+    def reference(attitude):
+        w, z = attitude[:2], attitude[2]
+        across = jnp.stack([w[1], -w[0]])
+        steering = bound * jnp.tanh(z / (w @ w + tilt**2) * across / bound)
+        return mu * steering - k3 * w / (1 + w @ w) - orbit_rate
+
+    def controller(x):
+        w, z = x[:2], x[2]
+        wanted, change = jax.jvp(reference, (x[:3],), (kinematics(x),))
+        pull = jnp.stack([w[1], -w[0]]) * z - w * (1 + w @ w)
+        return weight * pull - k4 * (x[3:] - wanted) + moments * change
+
+    middle = np.array([-1.0, 1.0, 1.27, 0.1, -0.11])
+    return Loop(dynamics, controller, (middle - width / 2, middle + width / 2), period, periods)
+
+
 def flights(loop: Loop, count: int = 10_000, substeps: int = 10) -> np.ndarray:
     """Return the states of flights at all samples, from all corners and random starts."""
     low, high = loop.start
@@ -143,7 +177,7 @@ def flights(loop: Loop, count: int = 10_000, substeps: int = 10) -> np.ndarray:
     return np.concatenate([start[None], np.asarray(states)])
 
 
-LOOPS = {"contest": contest, "slew": slew, "rate": rate}
+LOOPS = {"contest": contest, "slew": slew, "rate": rate, "three-axis": three_axis}
 """Loops by name."""
 
 

@@ -9,8 +9,13 @@ from scipy.linalg import expm
 from scipy.special import expit
 
 import jaxsat
-from enclosures import UNSAFE, contest, flights, layers, slew
+from enclosures import UNSAFE, contest, flights, layers, slew, three_axis
+from jaxsat.control.three_axis import ThreeAxisLaw
+from jaxsat.core.attitude import WZ
 from jaxsat.core.errors import ArgumentError
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.environment.orbit import SmallAngleOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
 
 
 def contest_rate(x, u):
@@ -198,6 +203,22 @@ def test_derivatives_that_a_function_declares_are_not_believed():
     tube = jaxsat.enclose(lambda x, u: -square(x), lambda x: x, ([1.0], [1.0]), 0.1, 20, order=6)
     assert tube.lower[-1, 0] <= 1 / 3 <= tube.upper[-1, 0]
     assert tube.upper[-1, 0] - tube.lower[-1, 0] < 1e-3
+
+
+def test_the_three_axis_loop_is_that_of_the_law():
+    loop = three_axis()
+    body = Spacecraft([449.5, 264.6, 312.5])
+    model = RigidBody(body, SmallAngleOrbit(0.0011), third_rate_held=True)
+    gains = (0.0622, 0.232, 0.341, jnp.array([48.9, 521.0]))
+    law = ThreeAxisLaw(model, *gains, None, 2.41, saturation_width=1.0, tilt_width=0.0201)
+    for x in np.random.default_rng(4).normal(size=(5, 5)):
+        state = PlantState(WZ(x[:2], x[2]), jnp.array([*x[3:], 0.0]))
+        torque = law(jnp.zeros(()), state, None)[0]
+        np.testing.assert_allclose(loop.controller(x), torque, rtol=1e-12, atol=1e-11)
+        turning = state.attitude.rate(model.relative_rate(state))
+        rate = model.angular_acceleration(state.omega, jnp.append(torque, 0.0))
+        expected = np.concatenate([turning.w, turning.z[None], rate[:2]])
+        np.testing.assert_allclose(loop.dynamics(x, torque), expected, rtol=1e-12, atol=1e-14)
 
 
 def test_a_start_must_be_a_box():
