@@ -279,7 +279,8 @@ class RodFit(eqx.Module):
         alone, least, misfit = self._alone(memory, error)
         behind = (misfit[None] > misfit[:, None] + 2 * diagnosis.margin) | (alone <= 0)[None]
         behind = jnp.all(behind | jnp.eye(self.count, dtype=bool), axis=1)
-        likeliest = memory.failed | ((alone > 0) & behind)
+        fits = misfit < 2 * diagnosis.margin
+        likeliest = jnp.where(memory.failed, fits, (alone > 0) & behind)
         variance = jnp.diagonal(memory.covariance.matrix)[: self.count] + SMALLEST
         loss = jnp.where(likeliest, alone, memory.estimate[: self.count])
         variance = jnp.where(likeliest, least, variance)

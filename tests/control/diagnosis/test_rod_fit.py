@@ -225,6 +225,25 @@ def test_a_loss_that_dipoles_along_the_field_show_is_that_of_one_alone(law, weak
     np.testing.assert_allclose(last.part[weak], 0.5, atol=0.01)
 
 
+@pytest.mark.parametrize("other", [0.5, 0.0])
+def test_a_loss_beside_an_unknown_one_is_that_of_the_filter(law, other):
+    """The errors of all have 0.04 in common: z would lack 0.2 less if x lacked nothing."""
+    memory = law.rods.fit.init(jnp.zeros(3))
+    covariance = np.eye(15)
+    covariance[:3, :3] = 0.04**2 + 0.005**2 * np.eye(3)
+    memory = memory._replace(
+        estimate=jnp.zeros(15).at[jnp.array([0, 2])].set(jnp.array([other, 0.5])),
+        covariance=Symmetric(jnp.asarray(covariance)),
+        failed=jnp.arange(3) == 2,
+    )
+    times = PERIOD * np.arange(200)
+    read = samples(times, np.zeros((200, 3)))
+    read = read._replace(driven=jnp.zeros((200, 3, 3)), known=jnp.zeros((200, 3)))
+    last = jax.tree.map(lambda one: one[-1], flown(law, read, memory))
+    np.testing.assert_allclose(last.part, [1 - other, 1.0, 0.5], atol=0.01)
+    assert list(last.failed) == [other != 0, False, True]
+
+
 @pytest.fixture(scope="module")
 def sound():
     """Times and momentum of magnetorquers which all work."""
