@@ -144,10 +144,11 @@ class FlightController(eqx.Module):
         navigation = loop.navigation
         if navigation is None:
             return FlightController(*parts)
-        if navigation.gyro is None:
+        if navigation.body is not None:
+            other = "estimator.torque_noise_N_m_sqrt_Hz: must be left out"
+            rule = "gyro: must be given" if navigation.gyro is None else other
             raise CannotExport(
-                "gyro: must be given for what becomes flight code, whose filter takes in rates, "
-                "got nothing"
+                f"{rule} for what becomes flight code, whose filter takes in the rates of a gyro"
             )
         return FlightController(*parts, navigation.estimator, navigation.attitude_sigma)
 

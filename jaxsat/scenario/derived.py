@@ -45,10 +45,21 @@ def believed_axes(scenario: Any) -> Float[np.ndarray, "3 m"]:
 
 def has_invalid_samples(scenario: Any) -> bool:
     """Whether a checked scenario may have samples at which its law makes no step."""
-    gyro_ends = scenario.gyro is not None and scenario.gyro.outage_start_s is not None
-    gyro_fails = any(one.of == "gyro" for one in scenario.failure)
     tachometer_fails = any(one.part == TACHOMETER for one in scenario.failure)
-    return gyro_ends or gyro_fails or tachometer_fails or has_invalid_momenta(scenario)
+    if tachometer_fails or has_invalid_momenta(scenario):
+        return True
+    if scenario.gyro is None or predicts_by_dynamics(scenario):
+        return False
+    fails = any(one.of == "gyro" for one in scenario.failure)
+    return fails or scenario.gyro.outage_start_s is not None
+
+
+def predicts_by_dynamics(scenario: Any) -> bool:
+    """Whether the filter of a checked scenario with a sensor of the attitude predicts rates by the
+    dynamics."""
+    table = scenario.estimator
+    by_request = table is not None and table.torque_noise_N_m_sqrt_Hz is not None
+    return scenario.gyro is None or by_request
 
 
 def has_sensors(scenario: Any) -> bool:

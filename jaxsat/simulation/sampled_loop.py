@@ -67,7 +67,8 @@ class SampledLoop(AbstractLoop):
     a state; without either it receives the true state. A `delay` (s, at most one period) is the
     controller's computation time, during which effectors continue their previous commands; None is
     a loop without. `tachometers` measure the momenta of wheels; None for exact momenta. A `guard`
-    acts at samples at which a gyro or a tachometer is dead or has an outage.
+    acts at samples at which a tachometer is dead or has an outage, or a gyro that the estimator
+    needs.
     """
 
     plant: RigidBody
@@ -82,7 +83,8 @@ class SampledLoop(AbstractLoop):
 
     def __check_init__(self):
         require_counts(substeps=self.substeps)
-        gyro = None if self.navigation is None else self.navigation.gyro
+        navigation = self.navigation
+        gyro = None if navigation is None or navigation.body else navigation.gyro
         for name, one in (("gyro", gyro), ("tachometer", self.tachometers)):
             if self.guard is None and one is not None and one.repeats:
                 message = f"must be given with a {name} that fails or has an outage"
@@ -220,7 +222,7 @@ class SampledLoop(AbstractLoop):
         self, t: RealScalar, planned: _Planned, state: SampledState
     ) -> NavigationState | None:
         """The navigation's next state, with the torque commanded in the period that begins at `t`
-        (s), N m: that of the body of a navigation without a gyro, whose actuators obey."""
+        (s), N m: that of the body that a navigation knows, whose actuators obey."""
         following, navigation = planned.told.navigation, self.navigation
         if following is None or navigation is None or navigation.body is None:
             return following

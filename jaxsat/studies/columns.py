@@ -10,7 +10,7 @@ from jaxtyping import Array
 
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.actuators import STUDIED
-from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS
+from jaxsat.core.declaration.sensors import FILTER_SENSORS, GYRO
 from jaxsat.simulation.engine.progress import peaks_of
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.requirements import Requirements
@@ -67,7 +67,7 @@ REJECTIONS = {
         (0,), "float64", "1", "how often the filter excluded it", (labels.ATTITUDE_SENSOR,)
     ),
 }
-"""Columns of filters that test innovations, each of all attitude sensors."""
+"""Columns of filters that test innovations, each of all sensors that they test."""
 
 ERRORS = {
     name: (part, Column((), "float64", label.units, label.long_name))
@@ -140,10 +140,12 @@ def history_of(signals: Signals, name: str) -> Array | np.ndarray:
 
 
 def attitude_sensors(loop: AbstractLoop) -> tuple[str, ...]:
-    """Return the names of the attitude sensors of a loop, in their order."""
-    if getattr(loop, "navigation", None) is None:
+    """Return the names of the sensors that the filter of a loop tests, in their order."""
+    navigation = getattr(loop, "navigation", None)
+    if navigation is None:
         return ()
-    return tuple(one.name for one in ATTITUDE_SENSORS if attrgetter(one.place)(loop) is not None)
+    given = [one for one in FILTER_SENSORS if attrgetter(one.place)(loop) is not None]
+    return tuple(one.name for one in given if one is not GYRO or navigation.body is not None)
 
 
 def _first_counts(loop: AbstractLoop) -> dict[str, Array]:

@@ -1,10 +1,11 @@
-"""A Kalman filter without a gyro in NumPy and SciPy, in inertial axes and with whole matrices.
+"""A Kalman filter by the dynamics in NumPy and SciPy, in inertial axes and with whole matrices.
 
-Twelve states: errors of attitude, rate and unknown torque, and the error of the momentum that
-tachometers measure, which is not estimated (Schmidt's consider filter). The error of the rate at
-the end of a step and that of the turn depend on each other: both are solved for at once. Joseph
-form, one inverse for each measurement; a late attitude is put where it belongs and everything since
-is computed again. Rotations are SciPy's, from body to inertial axes.
+Twelve states: errors of attitude, rate, unknown torque, and the momentum that tachometers measure.
+The error of the rate at
+the end of a step and that of the turn depend on each other: both are solved for at once. With a
+gyro, three more for the error of its bias, the last ones. Joseph form, one inverse for each
+measurement; a late attitude is put where it belongs and everything since is computed again.
+Rotations are SciPy's, from body to inertial axes.
 """
 
 import numpy as np
@@ -15,26 +16,51 @@ from oracle.attitude_filter import Oracle, cross_matrix
 
 class DynamicsOracle(Oracle):
     """`torques` are density, first deviation and random walk of unknown torques, `momentum` is the
-    covariance of measured momenta."""
+    covariance of measured momenta, `gyro` its density, random walk and first deviation."""
 
-    def __init__(self, period, inertia, torques, momentum, tracker, attitude, rate, sigmas):
+    def __init__(
+        self, period, inertia, torques, momentum, tracker, attitude, rate, sigmas, gyro=None
+    ):
         self.period, self.inertia, self.tracker = period, inertia, tracker
         self.density, self.walk, self.momentum = torques[0], torques[2], momentum
         variances = np.repeat([sigmas[0] ** 2, sigmas[1] ** 2, torques[1] ** 2], 3)
         covariance = block_diag(np.diag(variances), momentum)
-        self.first = (attitude, np.concatenate([rate, np.zeros(3)]), covariance)
+        others = np.concatenate([rate, np.zeros(6)])
+        self.gyro_walk = 0.0
+        if gyro is not None:
+            density, self.gyro_walk, sigma = gyro
+            self.gyro_variance = density**2 / period + self.gyro_walk**2 * period / 12
+            covariance = block_diag(covariance, sigma**2 * np.eye(3))
+            others = np.concatenate([others, np.zeros(3)])
+        self.first = (attitude, others, covariance)
 
-    def run(self, momenta, torques, attitudes):
-        """Attitude, rate with unknown torque, and covariance at the last of `momenta`; each of
-        `torques` acted up to its sample, `attitudes` are as in `Oracle.run`."""
-        state = self.corrected(self.first, attitudes.get(0))
+    def run(self, momenta, torques, attitudes, rates=()):
+        """Attitude, rate with unknown torque, error of momentum and bias, and covariance at the
+        last of `momenta`; each of `torques` acted up to its sample, `attitudes` are as in
+        `Oracle.run`, and `rates` those of the gyro by sample."""
+        self.white = {}
+        state, rates = self.corrected(self.first, attitudes.get(0)), dict(rates)
+        state = self.after_rate(state, rates.get(0), 0)
         for number in range(1, len(momenta)):
             state = self.moved(state, momenta[number - 1], momenta[number], torques[number])
             state = self.corrected(state, attitudes.get(number))
+            state = self.after_rate(state, rates.get(number), number)
         return state
 
+    def after_rate(self, state, measured, number):
+        """The state after a rate; `white` has its innovation in parts of its deviations."""
+        if measured is None:
+            return state
+        rate, _, _, bias = np.split(state[1], 4)
+        observed = np.hstack([np.zeros((3, 3)), np.eye(3), np.zeros((3, 6)), np.eye(3)])
+        noise = self.gyro_variance * np.eye(3)
+        error, innovation = measured - rate - bias, observed @ state[2] @ observed.T + noise
+        self.white[number] = np.linalg.solve(np.linalg.cholesky(innovation), error)
+        return self.gained(state, error, observed, noise)
+
     def moved(self, state, before, after, torque):
-        attitude, (rate, unknown), covariance = state[0], np.split(state[1], 2), state[2]
+        attitude, others, covariance = state
+        rate, unknown, before = others[:3], others[3:6], before - others[6:9]
         length, inertia, half = self.period, self.inertia, self.period / 2
         torque, spin_up = torque + unknown, (after - before) / length
 
@@ -71,17 +97,27 @@ class DynamicsOracle(Oracle):
         size = block_diag(
             self.density**2 * length * one, self.momentum, self.walk**2 * length * one
         )
-        covariance = transition @ covariance @ transition.T + disturbed @ size @ disturbed.T
-        return self.turned(attitude, angle), np.concatenate([following, unknown]), covariance
+        noise, bias = disturbed @ size @ disturbed.T, len(covariance) - 12
+        transition = block_diag(transition, np.eye(bias))
+        noise = block_diag(noise, self.gyro_walk**2 * length * np.eye(bias))
+        covariance = transition @ covariance @ transition.T + noise
+        return (
+            self.turned(attitude, angle),
+            np.concatenate([following, unknown, np.zeros(3), others[9:]]),
+            covariance,
+        )
 
     def updated(self, state, error, rows, noise):
-        attitude, others, covariance = state
-        observed = np.zeros((3, 12))
+        observed = np.zeros((3, len(state[2])))
         observed[:, :3] = rows
+        return self.gained(state, rows @ error, observed, noise)
+
+    def gained(self, state, error, observed, noise):
+        """The state after a measurement with this error of its prediction, and these rows."""
+        attitude, others, covariance = state
         innovation = observed @ covariance @ observed.T + noise
         gain = covariance @ observed.T @ np.linalg.inv(innovation)
-        gain[9:] = 0
-        step = gain @ rows @ error
-        left = np.eye(12) - gain @ observed
+        step = gain @ error
+        left = np.eye(len(covariance)) - gain @ observed
         covariance = left @ covariance @ left.T + gain @ noise @ gain.T
-        return self.corrected_by(attitude, step[:3]), others + step[3:9], covariance
+        return self.corrected_by(attitude, step[:3]), others + step[3:], covariance

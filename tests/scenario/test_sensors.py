@@ -19,6 +19,7 @@ from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.scenario.errors import ScenarioWarning
 from jaxsat.spacecraft.environment.disturbances import GravityGradient
+from jaxsat.studies.columns import attitude_sensors
 from scenario.mistakes import SWITCHING, THREE_AXIS, problems_of
 
 GYRO = """
@@ -65,8 +66,23 @@ SUN_SENSOR = "[sun_sensor]\nnoise_deg = 0.1\nboresight = [1, 0, 0]\nhalf_angle_d
         ),
         (
             BOTH + "[estimator]\ntorque_noise_N_m_sqrt_Hz = 1e-3",
+            "estimator.rate_sigma_rad_s",
+            "must be given with torque_noise_N_m_sqrt_Hz, got nothing",
+        ),
+        (
+            BOTH + "[estimator]\ntorque_sigma_N_m = 1e-3\nrate_sigma_rad_s = 0.1",
             "estimator.torque_noise_N_m_sqrt_Hz",
-            "must be left out with [gyro], got 0.001",
+            "must be given with rate_sigma_rad_s, got nothing",
+        ),
+        (
+            "[gyro]\nbias_rad_s = 1e-3\n" + TRACKER + DYNAMICS,
+            "gyro.noise_density_rad_s_sqrt_Hz",
+            "must be above 0 for a filter that takes in rates as measurements, got 0",
+        ),
+        (
+            BOTH + "[estimator]\nkind = 'none'\ntorque_noise_N_m_sqrt_Hz = 1e-3",
+            "estimator.torque_noise_N_m_sqrt_Hz",
+            'must be left out with kind "none", got 0.001',
         ),
         (
             TRACKER + "[estimator]\nkind = 'none'",
@@ -202,15 +218,17 @@ def test_what_is_declared_is_built(tmp_path):
 
 
 def test_the_example_of_the_page_can_be_run(tmp_path):
-    """The page docs/sensors.md, as it stands: with a gyro, and without."""
+    """The page docs/sensors.md, as it stands: with a gyro, without, and with one that may fail."""
     page = Path(__file__).parents[2] / "docs" / "sensors.md"
     example, *others = re.findall(r"(?ms)^```toml\n(.*?)^```", page.read_text(encoding="utf-8"))
     run: Any = build(loaded(tmp_path, "\n" + example))
     navigation = run.loop.navigation
     assert (navigation.tracker.every, navigation.tracker.latency) == (5, 2)
-    (without,) = [one for one in others if "torque_noise" in one]
+    without, beside = (one for one in others if "torque_noise" in one)
     run = build(loaded(tmp_path, "\n" + without, ["initial.omega_rad_s=[0.01, 0, 0]"]))
     assert isinstance(run.loop.navigation.estimator, DynamicsFilter)
+    run = build(loaded(tmp_path, BOTH + beside, ["initial.omega_rad_s=[0.01, 0, 0]"]))
+    assert run.loop.navigation.estimator.gyro is not None
 
 
 def test_vectors_are_built_in_the_field_and_under_the_sun_of_the_scenario(tmp_path):
@@ -354,3 +372,23 @@ def test_what_a_filter_without_a_gyro_cannot_know_is_refused(tmp_path):
     assert "must be left out without [gyro]" in problem.message
     with pytest.raises(ScenarioError, match=r"gyro: must be given with this law, which finds"):
         load("failures-12u", ["star_tracker={across_rad=1e-5, along_rad=1e-4}", NUMBERS])
+
+
+def test_a_gyro_beside_the_dynamics_is_a_sensor(tmp_path):
+    """The filter knows gyro and body; its loop needs no guard when the gyro fails, and has no
+    flight code."""
+    failing = "[[failure]]\nof = 'gyro'\nat_s = 3\nkind = 'dead'\n"
+    run: Any = build(loaded(tmp_path, BOTH + DYNAMICS + failing))
+    estimator: Any = run.loop.navigation.estimator
+    assert isinstance(estimator, DynamicsFilter)
+    assert estimator.gyro is not None
+    assert run.loop.guard is None
+    assert attitude_sensors(run.loop) == ("star_tracker", "gyro")
+    with pytest.raises(CannotExport, match="torque_noise_N_m_sqrt_Hz: must be left out for what"):
+        FlightController.of(run.loop)
+    with pytest.warns(ScenarioWarning, match="so that the filter predicts rates by the dynamics"):
+        integrating: Any = build(loaded(tmp_path, BOTH + failing))
+    assert integrating.loop.guard is not None
+    assert attitude_sensors(integrating.loop) == ("star_tracker",)
+    with pytest.raises(ScenarioError, match=r"must be left out with this law, which finds"):
+        load("thruster-dies", [NUMBERS])

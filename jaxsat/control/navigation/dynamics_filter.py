@@ -1,4 +1,4 @@
-"""A multiplicative extended Kalman filter without a gyro: attitude error, rate and torque."""
+"""A multiplicative extended Kalman filter by the dynamics: attitude error, rate and torque."""
 
 from typing import NamedTuple
 
@@ -9,17 +9,16 @@ from jaxtyping import Array, Float
 
 from jaxsat.control.navigation.estimator import Estimate, Measurement, rotation
 from jaxsat.control.navigation.innovation import InnovationRecord, InnovationTest
-from jaxsat.control.navigation.kalman_filter import AbstractKalmanFilter, Gains, corrected, turned
-from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, RealScalar, Vector
+from jaxsat.control.navigation.kalman_filter import AbstractKalmanFilter, corrected, turned
+from jaxsat.control.navigation.motion import Motion
+from jaxsat.core.array_types import IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion, skew
 from jaxsat.core.checks import as_optional_float, not_negative
 from jaxsat.core.trees import apart
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.navigation_sensors import StarTracker
+from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
+from jaxsat.spacecraft.sensor_failures import SensorReading
 from jaxsat.spacecraft.spacecraft import inverse_of
-
-ESTIMATED = 9
-"""Attitude, rate and torque; the noise of tachometers follows, which is not estimated."""
 
 
 class TorqueModel(eqx.Module):
@@ -35,51 +34,18 @@ class TorqueModel(eqx.Module):
     walk: RealScalar = eqx.field(converter=not_negative("walk"), default=0.0)
 
 
-class Motion(NamedTuple):
-    """Attitude, rate (rad/s) and unknown torque (N m) at one sample, with the covariance of their
-    errors.
-
-    With the true attitude q ⊗ (1, δ/2), the true rate ω + ε and torque d + ξ, and v the error of
-    the momentum measured at this sample (N m s, body axes), `covariance` is that of δ, ε, ξ and v;
-    exact tachometers have no v.
-    """
-
-    q: Float[Array, "4"]
-    omega: Vector
-    torque: Vector
-    covariance: Float[Array, "n n"]
-
-    def narrowed(
-        self, axis: Vector, variance: RealScalar, valid: BoolScalar
-    ) -> tuple["Motion", Gains]:
-        """The covariance after a measurement of δ along an axis with this variance (rad²).
-
-        That of v stays, as v is not estimated (Schmidt's consider filter).
-        """
-        column = self.covariance[:, :3] @ axis
-        scale = jnp.where(valid, 1 / (axis @ column[:3] + variance), 0.0)
-        considered = column.at[:ESTIMATED].set(0.0)
-        change = _outer(column, column) - _outer(considered, considered)
-        gains = tuple(column[begin : begin + 3] for begin in range(0, ESTIMATED, 3))
-        narrowed = self._replace(covariance=self.covariance - scale * change)
-        return narrowed, Gains(gains, scale)
-
-    def shifted(self, attitude: Vector, omega: Vector, torque: Vector) -> "Motion":
-        """The motion turned by a small rotation (rad), with changes of rate and torque."""
-        q = Quaternion(self.q).turned(attitude).q
-        return Motion(q, self.omega + omega, self.torque + torque, self.covariance)
-
-
 class DynamicsMemory(NamedTuple):
     """The motion at the sample of the latest arrivals, and the inputs since.
 
     `momenta` (N m s) were measured at the samples, `torques` (N m) commanded in the periods that
-    end there. `record` is that of the innovation test, None without one.
+    end there. `rates` (rad/s) were measured at the samples, None without a gyro. `record` is that
+    of the innovation test, None without one.
     """
 
     belief: Motion
     momenta: Float[Array, "samples 3"]
     torques: Float[Array, "samples 3"]
+    rates: SensorReading | None = None
     record: InnovationRecord | None = None
 
 
@@ -91,7 +57,11 @@ class DynamicsFilter(AbstractKalmanFilter):
     and magnetorquers, the body's modelled disturbance and the estimated torque, while h, that of
     the devices which store momentum, is measured: so the filter needs neither their commands nor
     their friction. `momentum_noise` (N² m² s²) is the covariance of the measured h, None for an
-    exact one; its error is correlated from one turn to the next, which the filter carries.
+    exact one; its error enters the turns before and after its sample, so that the filter estimates
+    it.
+
+    A `gyro` is a sensor as any other: its rate is that of the body, its bias and white noise, and
+    its innovation is tested. A reading with an axis at its limit is left out.
 
     Measurements with latency belong to an earlier sample. The filter stays at that sample and
     predicts from there with the later inputs. `torques` is what it supposes of unknown torques,
@@ -108,6 +78,7 @@ class DynamicsFilter(AbstractKalmanFilter):
     vector_latency: int = eqx.field(static=True, default=0)
     test: InnovationTest | None = None
     momentum_noise: Matrix | None = eqx.field(converter=as_optional_float, default=None)
+    gyro: Gyro | None = None
 
     def init(self, attitude: Quaternion, sigma: RealScalar) -> DynamicsMemory:
         """A motion at rest in the orbit frame, without correlations and without a torque."""
@@ -115,13 +86,17 @@ class DynamicsFilter(AbstractKalmanFilter):
         ones = jnp.ones_like(zero)
         deviations = (sigma, self.rate_sigma, self.torques.sigma)
         variances = jnp.concatenate([deviation**2 * ones for deviation in deviations])
-        if self.momentum_noise is not None:
-            variances = jnp.concatenate([variances, 0 * ones])
-        covariance = jnp.diag(variances)
-        omega = self.body.orbit.frame_rate(attitude)
+        bias = rates = excess = None
         inputs = jnp.zeros((self.latency + 1, 3), zero.dtype)
-        record = self.first_record(zero)
-        return DynamicsMemory(Motion(attitude.q, omega, zero, covariance), inputs, inputs, record)
+        if self.gyro is not None:
+            variances = jnp.concatenate([variances, self.gyro.bias_sigma**2 + self.gyro.bias**2])
+            bias, rates = zero, SensorReading(inputs, jnp.zeros(self.latency + 1, bool))
+        if self.momentum_noise is not None:
+            variances, excess = jnp.concatenate([variances, 0 * ones]), zero
+        omega = self.body.orbit.frame_rate(attitude)
+        motion = Motion(attitude.q, omega, zero, jnp.diag(variances), bias, excess)
+        record = self.first_record(zero, gyro=self.gyro is not None)
+        return DynamicsMemory(motion, inputs, inputs, rates, record)
 
     def step(
         self,
@@ -136,6 +111,7 @@ class DynamicsFilter(AbstractKalmanFilter):
         momentum = jnp.zeros_like(torque) if momentum is None else momentum
         momenta = jnp.concatenate([memory.momenta, momentum[None]])
         torques = jnp.concatenate([memory.torques, torque[None]])
+        rates = self._rates(measurement, memory.rates)
         first = sample - self.latency - 1
 
         def moved(number, belief: Motion) -> Motion:
@@ -146,15 +122,58 @@ class DynamicsFilter(AbstractKalmanFilter):
             time = jnp.asarray(begin, period.dtype) * period
             return apart(_moved, self, belief, *inputs, length, time)
 
+        def gauged(number, belief: Motion, record: InnovationRecord | None):
+            """The motion after the gyro's reading at sample `first + number`, and the record."""
+            if rates is None:
+                return belief, record
+            reading = SensorReading(rates.value[number], rates.seen[number])
+            return apart(_gauged, self, belief, reading, record, period)
+
         predicted = moved(0, memory.belief)
         belief, record = apart(corrected, self, predicted, measurement, memory.record)
-        now = belief
+        belief, record = gauged(1, belief, record)
+        now = (belief, record)
         if self.latency:
-            now = jax.lax.fori_loop(1, self.latency + 1, moved, belief)
-        sigmas = [jnp.sqrt(jnp.stack([now.covariance[i, i] for i in of])) for of in AXES]
-        estimate = Estimate(Quaternion(now.q), now.omega, None, *sigmas)
-        after = DynamicsMemory(belief, momenta[1:], torques[1:], record)
-        return self.with_test(estimate, record), after
+            now = jax.lax.fori_loop(
+                *(1, self.latency + 1),
+                lambda number, one: gauged(number + 1, moved(number, one[0]), one[1]),
+                now,
+            )
+        motion, tested = now
+        axes = AXES[: 2 + (self.gyro is not None)]
+        sigmas = [jnp.sqrt(jnp.stack([motion.covariance[i, i] for i in of])) for of in axes]
+        estimate = Estimate(Quaternion(motion.q), motion.omega, motion.bias, *sigmas)
+        later = jax.tree.map(lambda one: one[1:], rates)
+        after = DynamicsMemory(belief, momenta[1:], torques[1:], later, record)
+        return self.with_test(estimate, tested), after
+
+    def _rates(
+        self, measurement: Measurement, earlier: SensorReading | None
+    ) -> SensorReading | None:
+        """The earlier readings of the gyro (rad/s) and the present one; None without a gyro."""
+        rate, valid = measurement.rate, measurement.valid
+        if self.gyro is None or rate is None or earlier is None:
+            return None
+        seen = jnp.all(jnp.abs(rate) < self.gyro.limit)
+        seen = seen if valid is None else seen & valid
+        values = jnp.concatenate([earlier.value, rate[None]])
+        return SensorReading(values, jnp.concatenate([earlier.seen, seen[None]]))
+
+    def gauged(
+        self,
+        belief: Motion,
+        reading: SensorReading,
+        record: InnovationRecord | None,
+        period: RealScalar,
+    ) -> tuple[Motion, InnovationRecord | None]:
+        """The motion after a reading of the gyro (rad/s), and the record."""
+        assert self.gyro is not None
+        assert belief.bias is not None
+        off = reading.value - belief.omega - belief.bias
+        variances = (self.gyro.rate_variance(period),) * 3
+        limit = None if self.test is None else self.test.attitude_threshold
+        rate = (off, jnp.eye(3, dtype=off.dtype), variances, reading.seen)
+        return self.tested(belief, rate, record, self.attitude_sensors, limit, *RATE_AND_BIAS)
 
     def moved(
         self,
@@ -172,7 +191,9 @@ class DynamicsFilter(AbstractKalmanFilter):
         first. The angle is the trapezoidal mean of the rates at both ends with their derivatives
         (Hermite), and the coning term; the torque acts half before and half after the turn.
         """
-        begin = jnp.where(length > 0, begin, end)
+        excess, begin = belief.excess, jnp.where(length > 0, begin, end)
+        if excess is not None:
+            begin, excess = begin - excess, jnp.zeros_like(excess)
         half, attitude = length / 2, Quaternion(belief.q)
         known = self.body.disturbance_torque(time + half, PlantState(attitude, belief.omega))
         torque = torque + known + belief.torque
@@ -183,9 +204,8 @@ class DynamicsFilter(AbstractKalmanFilter):
         middle = a @ (self.body.spacecraft.inertia @ belief.omega + begin + half * torque)
         omega = inverse @ (middle + half * torque - end)
         covariance = self._covariance(belief.covariance, a, middle, length)
-        return Motion(
-            turned(belief.q, turn, half, self.body.orbit), omega, belief.torque, covariance
-        )
+        q = turned(belief.q, turn, half, self.body.orbit)
+        return Motion(q, omega, belief.torque, covariance, belief.bias, excess)
 
     def _angle(
         self, omega: Vector, begin: Vector, end: Vector, torque: Vector, length: RealScalar
@@ -228,13 +248,18 @@ class DynamicsFilter(AbstractKalmanFilter):
         noise = [[half * g, zero], [g, zero], [zero, identity]]
         torques = self.torques
         sizes = [torques.noise**2 * length * identity, torques.walk**2 * length * identity]
+        if self.gyro is not None:
+            rows = [*([*row, zero] for row in rows), [zero, zero, zero, identity]]
+            noise = [*([*row, zero] for row in noise), [zero, zero, identity]]
+            sizes.append(self.gyro.bias_walk**2 * length * identity)
         if self.momentum_noise is not None:
-            late = -runs * (g @ a)
-            rows = [[*row, more] for row, more in zip(rows, (half * late, late, zero), strict=True)]
-            rows.append([zero] * 4)
-            more = (half * runs * g, runs * g, zero)
+            late, rest = -runs * (g @ a), [zero] * (len(rows) - 2)
+            more = (half * late, late, *rest)
+            rows = [[*row, one] for row, one in zip(rows, more, strict=True)]
+            rows.append([zero] * (len(rows) + 1))
+            more = (half * runs * g, runs * g, *rest)
             noise = [[*row, one] for row, one in zip(noise, more, strict=True)]
-            noise.append([zero, zero, identity])
+            noise.append([*([zero] * len(sizes)), identity])
             sizes.append(self.momentum_noise)
         transition = jnp.block(rows)
         moved = transition @ covariance @ transition.T
@@ -244,8 +269,11 @@ class DynamicsFilter(AbstractKalmanFilter):
         return (moved + moved.T) / 2
 
 
-AXES = (range(3), range(3, 6))
-"""Rows of the covariance of attitude and rate."""
+AXES = (range(3), range(3, 6), range(9, 12))
+"""Rows of the covariance of attitude, rate, and bias with a gyro."""
+
+RATE_AND_BIAS = (1, 3)
+"""Errors, in the order of those of `Motion`, of which a gyro measures the sum."""
 
 
 @eqx.filter_jit
@@ -253,5 +281,12 @@ def _moved(estimator: DynamicsFilter, belief: Motion, *arguments: Array) -> Moti
     return estimator.moved(belief, *arguments)
 
 
-def _outer(x: Array, y: Array) -> Array:
-    return x[:, None] * y[None, :]
+@eqx.filter_jit
+def _gauged(
+    estimator: DynamicsFilter,
+    belief: Motion,
+    reading: SensorReading,
+    record: InnovationRecord | None,
+    period: RealScalar,
+) -> tuple[Motion, InnovationRecord | None]:
+    return estimator.gauged(belief, reading, record, period)

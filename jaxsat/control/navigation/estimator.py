@@ -72,7 +72,8 @@ class Measurement(NamedTuple):
     Without a star tracker both are None. `vectors` are the simultaneous measurements of
     magnetometer, Sun sensor and horizon sensor, in this order, without absent ones.
 
-    Without a gyro `rate` is None. `torque` (N m, body axes) is then the mean of what thrusters and
+    Without a gyro `rate` is None. For an estimator that knows the body, `valid` is whether the rate
+    is valid, None for always; `torque` (N m, body axes) is the mean of what thrusters and
     magnetorquers were commanded since the last sample, and `momentum` (N m s, body axes) what
     tachometers and gimbals measure now of the momentum relative to the body, None where no device
     stores any.
@@ -84,6 +85,7 @@ class Measurement(NamedTuple):
     vectors: tuple[Observation, ...] = ()
     torque: Vector | None = None
     momentum: Vector | None = None
+    valid: BoolScalar | None = None
 
 
 class Estimate(NamedTuple):
@@ -91,10 +93,10 @@ class Estimate(NamedTuple):
 
     The attitude is relative to the orbit frame, `omega` the inertial rate (rad/s), `bias` that of
     the gyro (rad/s). The sigmas are the computed standard deviations of the errors of attitude
-    (rad), rate and bias (rad/s) about each axis. For star tracker, magnetometer, Sun sensor and
-    horizon sensor, without absent ones, `innovation` is the normalised square of the innovation of
-    the last reading, over the threshold above which it is rejected, and `excluded` 1 for a sensor
-    that is excluded, else 0. None marks values that are not estimated.
+    (rad), rate and bias (rad/s) about each axis. For star tracker, magnetometer, Sun sensor,
+    horizon sensor and a gyro that is tested, without absent ones, `innovation` is the normalised
+    square of the innovation of the last reading, over the threshold above which it is rejected, and
+    `excluded` 1 for a sensor that is excluded, else 0. None marks values that are not estimated.
     """
 
     attitude: Quaternion

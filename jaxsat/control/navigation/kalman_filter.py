@@ -41,10 +41,13 @@ class Belief(Protocol):
     q: Any
 
     def narrowed(
-        self, axis: Vector, variance: RealScalar, valid: BoolScalar
+        self, axis: Vector, variance: RealScalar, valid: BoolScalar, *errors: int
     ) -> "tuple[Any, Gains]":
-        """The belief with the covariance after a measurement of δ along an axis with this variance
-        (rad times the length of the axis)², and its gains."""
+        """The belief with the covariance after a measurement along an axis with this variance, and
+        its gains.
+
+        δ is measured, or the sum of the `errors` with these numbers in the order of the gains.
+        """
         ...
 
     def shifted(self, *changes: Float[Array, " _"]) -> Any:
@@ -75,14 +78,17 @@ class AbstractKalmanFilter(AbstractEstimator):
         """Number of samples until a measurement has arrived."""
         return max(self.vector_latency, 0 if self.tracker is None else self.tracker.latency)
 
-    def first_record(self, like: Array) -> InnovationRecord | None:
+    @property
+    def attitude_sensors(self) -> int:
+        """Number of the sensors of the attitude."""
+        return len(self.vector_noise) + (self.tracker is not None)
+
+    def first_record(self, like: Array, gyro: bool = False) -> InnovationRecord | None:
         """The record before the first reading, in `like`'s type; None without a test."""
-        if self.test is None:
-            return None
-        return self.test.init(len(self.vector_noise) + (self.tracker is not None), like)
+        return None if self.test is None else self.test.init(self.attitude_sensors, like, gyro)
 
     def counts(self, memory: PyTree) -> dict[str, Float[Array, " sensors"]]:
-        """Rejected readings and exclusions of each attitude sensor; none without a test."""
+        """Rejected readings and exclusions of each sensor; none without a test."""
         record = memory.record
         if record is None:
             return {}
@@ -105,32 +111,33 @@ class AbstractKalmanFilter(AbstractEstimator):
             off = difference(Quaternion(belief.q), attitude)
             variances = tuple(sigma**2 for sigma in tracker.deviations)
             limit = None if test is None else test.attitude_threshold
-            turn = (off, tracker.axes, variances, valid)
-            belief, record = self._tested(belief, turn, record, sensor, limit)
+            reading = (off, tracker.axes, variances, valid)
+            belief, record = self.tested(belief, reading, record, sensor, limit)
             sensor += 1
         limit = None if test is None else test.vector_threshold
         for sigma, one in zip(self.vector_noise, measurement.vectors, strict=True):
             expected = Quaternion(belief.q).as_dcm().matrix @ one.reference
             rows = jnp.cross(jnp.eye(3, dtype=expected.dtype), expected[None])  # of [v x]
             off, variances = towards(expected, one.measured), (sigma**2,) * 3
-            turn = (off, rows, variances, one.seen)
-            belief, record = self._tested(belief, turn, record, sensor, limit)
+            reading = (off, rows, variances, one.seen)
+            belief, record = self.tested(belief, reading, record, sensor, limit)
             sensor += 1
         return belief, record
 
-    def _tested(
+    def tested(
         self,
         belief: B,
-        turn: tuple[Vector, Matrix, tuple[RealScalar, ...], BoolScalar],
+        reading: tuple[Vector, Matrix, tuple[RealScalar, ...], BoolScalar],
         record: InnovationRecord | None,
         sensor: int,
         limit: RealScalar | None,
+        *errors: int,
     ) -> tuple[B, InnovationRecord | None]:
         """The belief after a reading of a sensor, given as `_taken_in` takes it, if it passes."""
-        after, square = _taken_in(belief, *turn)
+        after, square, white = _taken_in(belief, *reading, *errors)
         if self.test is None or record is None or limit is None:
             return after, record
-        used, record = self.test.judged(record, sensor, square, limit, turn[-1])
+        used, record = self.test.judged(record, sensor, square, limit, reading[-1], white)
         return jax.tree.map(partial(jnp.where, used), after, belief), record
 
 
@@ -159,20 +166,33 @@ def corrected(
 
 
 def _taken_in(
-    belief: B, off: Vector, axes: Matrix, variances: tuple[RealScalar, ...], seen: BoolScalar
-) -> tuple[B, RealScalar]:
+    belief: B,
+    off: Vector,
+    axes: Matrix,
+    variances: tuple[RealScalar, ...],
+    seen: BoolScalar,
+    *errors: int,
+) -> tuple[B, RealScalar, Vector | None]:
     """The belief after measurement of a small rotation (rad) by its components along `axes`.
 
     Each has a variance, in (rad times the length of its axis)². The second result is the normalised
-    square of the innovation: the sum of those of the components, each given the ones before.
+    square of the innovation: the sum of those of the components, each given the ones before. With
+    `errors`, their sum is measured in place of the rotation, see `Belief.narrowed`; the third
+    result are then these components as numbers of unit variance.
     """
-    changes, square = None, jnp.zeros_like(off[0])
+    changes, square, white = None, jnp.zeros_like(off[0]), []
     for axis, variance in zip(axes, variances, strict=True):
-        belief, (each, scale) = belief.narrowed(axis, variance, seen)
+        belief, (each, scale) = belief.narrowed(axis, variance, seen, *errors)
         if changes is None:
             changes = tuple(jnp.zeros_like(one) for one in each)
-        innovation = axis @ (off - changes[0])
+        first, *others = (changes[one] for one in errors or (0,))
+        innovation = axis @ (off - sum(others, first))
         surprise = scale * innovation
         square = square + surprise * innovation
+        white.append((innovation, scale))
         changes = tuple(old + surprise * one for old, one in zip(changes, each, strict=True))
-    return belief.shifted(*(changes or ())), square
+    after = belief.shifted(*(changes or ()))
+    if not errors:
+        return after, square, None
+    innovations, scales = map(jnp.stack, zip(*white, strict=True))
+    return after, square, innovations * jnp.sqrt(jnp.where(seen, scales, 1.0))

@@ -44,8 +44,8 @@ class NavigationState(NamedTuple):
 
     The oldest undelivered one is first; None for sensors without latency. `rate` is the last valid
     reading of the gyro (rad/s), None where all are valid and it does not fail. `last` is the last
-    reading of each attitude sensor, None where none fails. Without a gyro `bias` is None, and
-    `torque` (N m) is the mean torque commanded since the last sample.
+    reading of each attitude sensor, None where none fails. Without a gyro `bias` is None. For an
+    estimator that knows the body `torque` (N m) is the mean torque commanded since the last sample.
     """
 
     bias: Vector | None
@@ -79,8 +79,9 @@ class Navigation(eqx.Module):
     has arrived. At least one is given: `tracker`, `magnetometer`, `sun_sensor`, `horizon_sensor`.
     `attitude_sigma` (rad) is the standard deviation of the first estimate about each axis. All
     randomness is a function of `key` (two 32-bit words) and of the sample's number. `failures`
-    number the attitude sensors that are given, in this order. Without a gyro the `body` is given:
-    the declared one, whose actuators obey.
+    number the attitude sensors that are given, in this order. The `body` is given for an estimator
+    that predicts rates by the dynamics, and without a gyro: the declared one, whose actuators obey.
+    A law may then use the estimate at every sample, also while rates are invalid.
     """
 
     gyro: Gyro | None
@@ -95,8 +96,8 @@ class Navigation(eqx.Module):
     body: RigidBody | None = None
 
     def __check_init__(self):
-        if (self.gyro is None) == (self.body is None):
-            raise ValueError("Argument `body` must be given without `gyro`, and only then.")
+        if self.gyro is None and self.body is None:
+            raise ValueError("Argument `body` must be given without `gyro`.")
         if self.tracker is None and not self.vectors:
             raise ValueError("Argument `tracker` must be given without another such sensor.")
 
@@ -117,10 +118,11 @@ class Navigation(eqx.Module):
             waiting = jax.tree.map(lambda part: jnp.stack([part] * count), self._nothing(true))
         last = None if self.failures is None else self._nothing(true)
         zero = jnp.zeros_like(state.omega)
+        torque = None if self.body is None else zero
         if self.gyro is None:
-            return NavigationState(None, waiting, memory, None, last, zero)
+            return NavigationState(None, waiting, memory, None, last, torque)
         rate = zero if self.gyro.repeats else None
-        return NavigationState(self.gyro.first_bias(noise[:3]), waiting, memory, rate, last)
+        return NavigationState(self.gyro.first_bias(noise[:3]), waiting, memory, rate, last, torque)
 
     def step(
         self, sample: IntScalar, period: RealScalar, plant: PlantState, state: NavigationState
@@ -142,7 +144,8 @@ class Navigation(eqx.Module):
         q = arriving.attitude
         attitude = None if q is None else Quaternion(q)
         momentum = None if self.body is None else self.stored_momentum(plant)
-        inputs = (arriving.vectors, state.torque, momentum)
+        valid = None if self.body is None else self._valid(sample, period)
+        inputs = (arriving.vectors, state.torque, momentum, valid)
         measurement = Measurement(rate, attitude, arriving.seen, *inputs)
         estimate, memory = self.estimator.step(sample, period, measurement, state.memory)
         last = None if state.rate is None else rate
@@ -164,6 +167,10 @@ class Navigation(eqx.Module):
         if state.rate is not None:
             rate = gyro.read(sample, period, rate, state.rate, self.key)
         return rate, gyro.next_bias(bias, noise[3:], period)
+
+    def _valid(self, sample: IntScalar, period: RealScalar) -> BoolScalar | None:
+        """Whether the rate of a sample is valid; None for always, and without a gyro."""
+        return None if self.gyro is None else self.gyro.is_valid(sample, period)
 
     def stored_momentum(self, plant: PlantState) -> Vector | None:
         """The momentum of the body's devices that store it, N m s; None without any."""
@@ -195,7 +202,8 @@ class Navigation(eqx.Module):
         if self.body is None:
             return Measurement(zero, *inputs)
         stores = any(one.storage() is not None for one in self.body.effectors)
-        return Measurement(None, *inputs, zero, zero if stores else None)
+        rate = None if self.gyro is None else zero
+        return Measurement(rate, *inputs, zero, zero if stores else None)
 
     def _nothing(self, attitude: Quaternion) -> Delivery:
         """A delivery without measurements, of the usual shapes."""
@@ -275,7 +283,7 @@ class Navigation(eqx.Module):
         attitude = in_parameters_of(plant.attitude, estimate.attitude)
         errors = _errors(plant, state.bias, estimate)
         estimated = PlantState(attitude, estimate.omega, plant.effectors)
-        valid = None if self.gyro is None else self.gyro.is_valid(sample, period)
+        valid = self._valid(sample, period) if self.body is None else None
         return Told(estimated, following, errors, valid)
 
 

@@ -257,6 +257,9 @@ ATTITUDE_SENSORS: tuple[SensorDeclaration, ...] = (
 )
 """Intermittent sensors of the attitude; after the first the sensors of vectors."""
 
+FILTER_SENSORS: tuple[SensorDeclaration, ...] = (*ATTITUDE_SENSORS, GYRO)
+"""Sensors whose readings a filter tests, in its order; the gyro if it predicts by the dynamics."""
+
 SENSORS: tuple[SensorDeclaration, ...] = (GYRO, *ATTITUDE_SENSORS)
 """Sensors with a table of their own, in the order of a scenario."""
 

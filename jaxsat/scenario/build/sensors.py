@@ -18,7 +18,7 @@ from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS, PATIENCE, PROBATIO
 from jaxsat.core.noise import key_of_seed
 from jaxsat.scenario.build.plant import gravity_gradient, orbit_of, orbit_rate, sensor_context
 from jaxsat.scenario.build.plugin_trial import made_part, require_estimates
-from jaxsat.scenario.derived import has_invalid_momenta
+from jaxsat.scenario.derived import has_invalid_momenta, predicts_by_dynamics
 from jaxsat.scenario.parts.actuator import number_of
 from jaxsat.scenario.parts.estimator import OwnEstimatorTable
 from jaxsat.scenario.parts.sensors import SamplingTable
@@ -84,9 +84,9 @@ def _sensor_tables(scenario: Scenario) -> list[tuple[SensorDeclaration, Any]]:
 def build_navigation(scenario: Scenario, plant: RigidBody) -> Navigation | None:
     """Return sensors and estimator between the plant and a sampled law; None without sensors.
 
-    The estimator knows the declared sensors and the orbit of the scenario, without `[gyro]` also
-    the spacecraft of the scenario: `plant`, but without failures, and of its disturbances the
-    gravity gradient alone.
+    The estimator knows the declared sensors and the orbit of the scenario. If it predicts rates by
+    the dynamics, it also knows the spacecraft of the scenario: `plant`, but without failures, and
+    of its disturbances the gravity gradient alone.
     """
     tables = _sensor_tables(scenario)
     if not tables:
@@ -108,7 +108,7 @@ def build_navigation(scenario: Scenario, plant: RigidBody) -> Navigation | None:
         attitude_sigma=table.attitude_sigma_rad,
         key=key_of_seed(scenario.simulation.seed),
         failures=_failures(scenario, orbit),
-        body=_declared(scenario, plant) if sensors["gyro"] is None else None,
+        body=_declared(scenario, plant) if predicts_by_dynamics(scenario) else None,
         **sensors,
     )
     parts = (navigation.gyro, navigation.tracker, orbit, period, navigation.vectors)
@@ -117,7 +117,7 @@ def build_navigation(scenario: Scenario, plant: RigidBody) -> Navigation | None:
 
 
 def _declared(scenario: Scenario, plant: RigidBody) -> RigidBody:
-    """The body that an estimator without a gyro supposes."""
+    """The body that an estimator by the dynamics supposes."""
     effectors = tuple(one.without_corners() for one in plant.effectors)
     disturbance = gravity_gradient(scenario) or NoDisturbance()
     return dataclasses.replace(plant, disturbance=disturbance, effectors=effectors)
@@ -144,19 +144,20 @@ def _estimator(
             "vector_latency": context.latency,
             "test": _test(table),
         }
-        if context.gyro is not None:
+        if context.body is None:
+            assert context.gyro is not None
             return MultiplicativeFilter(orbit=context.orbit, gyro=context.gyro, **seen)
         torques = TorqueModel(
             table.torque_noise_N_m_sqrt_Hz,
             table.torque_sigma_N_m,
             table.torque_walk_N_m_s_sqrt_Hz,
         )
-        assert context.body is not None
         return DynamicsFilter(
             body=context.body,
             torques=torques,
             rate_sigma=table.rate_sigma_rad_s,
             momentum_noise=_momentum_noise(scenario),
+            gyro=context.gyro,
             **seen,
         )
     part, location = find_part(ESTIMATOR, table.kind), ("estimator", "kind")

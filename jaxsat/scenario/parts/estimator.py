@@ -41,7 +41,7 @@ ATTITUDE_SIGMA = number(
 RATE_SIGMA = number(
     "rate_sigma_rad_s",
     "Standard deviation of the first rate about each axis relative to the orbit frame, of which "
-    "the first estimate is zero; only without [gyro]",
+    "the first estimate is zero; for a filter by the dynamics",
     within=Range(0.0, RATE_RANGE.high),
     default=None,
 )
@@ -50,33 +50,34 @@ TORQUE_KEYS = (
     number(
         "torque_noise_N_m_sqrt_Hz",
         "Density of the white noise of torques that the filter does not know, about each axis; "
-        "only without [gyro]",
+        "with [gyro], given for a filter by the dynamics, which tests the gyro as other sensors",
         within=TORQUE_NOISE,
         default=None,
     ),
     number(
         "torque_sigma_N_m",
         "Standard deviation of the unknown torque that the filter estimates, about each axis, at "
-        "the start; only without [gyro]",
+        "the start; for a filter by the dynamics",
         within=TORQUE_NOISE,
         default=0.0,
     ),
     number(
         "torque_walk_N_m_s_sqrt_Hz",
-        "Density of the white noise that moves the unknown torque, about each axis; only without "
-        "[gyro]",
+        "Density of the white noise that moves the unknown torque, about each axis; for a filter "
+        "by the dynamics",
         within=TORQUE_NOISE,
         default=0.0,
     ),
 )
 
 OF_DYNAMICS = (RATE_SIGMA, *TORQUE_KEYS)
-"""Keys of a filter without a gyro, which predicts rates by the dynamics."""
+"""Keys of a filter that predicts rates by the dynamics."""
 
 FALSE_ALARM_PROBABILITY = number(
     "false_alarm_probability",
-    "Probability that the filter rejects a good reading of a sensor of the attitude, as one that "
-    "does not agree with its prediction; by default no reading is tested",
+    "Probability that the filter rejects a good reading of a sensor of the attitude, or of a gyro "
+    "that it does not integrate, as one that does not agree with its prediction; by default none "
+    "is tested",
     at_least=PROBABILITY.low,
     at_most=0.5,
     default=None,
@@ -142,37 +143,51 @@ def _a_filter_without_a_gyro_knows_the_torques(values):
         yield at(missing[0], f"must be given with [{given[0]}] without [gyro], got nothing", True)
 
 
-@rule_over("gyro")
-def _a_filter_without_a_gyro_knows_the_body(values):
-    if values["gyro"] is not None or not given_sensors(values):
+@rule_over("gyro.noise_density_rad_s_sqrt_Hz", "estimator.kind")
+def _a_filter_by_the_dynamics_knows_the_torques_beside_a_gyro(values):
+    given = [key.name for key in OF_DYNAMICS if values.get(f"estimator.{key.name}")]
+    if not given or not _is_own_filter(values):
         return
-    law = values.get("control.law")
+    for key in (RATE_SIGMA, TORQUE_KEYS[0]):
+        if values.get(f"estimator.{key.name}", 0) is None:
+            yield at(f"estimator.{key.name}", f"must be given with {given[0]}, got nothing", True)
+    if not values["gyro.noise_density_rad_s_sqrt_Hz"]:
+        message = "must be above 0 for a filter that takes in rates as measurements, got 0"
+        yield at("gyro.noise_density_rad_s_sqrt_Hz", message)
+
+
+@rule_over()
+def _a_filter_by_the_dynamics_knows_the_body(values):
+    request = f"estimator.{TORQUE_KEYS[0].name}"
+    without = values.get("gyro", 0) is None
+    if not given_sensors(values) or not (without or values.get(request) is not None):
+        return
+    law, where = values.get("control.law"), "without [gyro]" if without else f"with {request}"
     if values.get("spacecraft.third_rate") == "held":
-        message = 'must be "free" without [gyro]: the filter does not know the torque that holds it'
+        message = f'must be "free" {where}: the filter does not know the torque that holds it'
         yield at("spacecraft.third_rate", f'{message}, got "held"')
     if law is not None and law.declaration.commands_actuators:
+        rule = "must be given" if without else "must be left out"
         message = (
-            "must be given with this law, which finds failures by measured rates: without a gyro "
-            "the filter predicts them from the commands"
+            f"{rule} with this law, which finds failures by measured rates: {where} the filter "
+            "predicts them from the commands"
         )
-        yield at("gyro", f"{message}, got nothing", True)
+        got = "nothing" if without else shown(values[request])
+        yield at("gyro" if without else request, f"{message}, got {got}", without)
     for number_, one in enumerate(values.get("wheel") or ()):
         if one.tachometer_outage_start_s is not None:
-            message = "must be left out without [gyro]: the filter has the rates from the momenta"
+            message = f"must be left out {where}: the filter has the rates from the momenta"
             got = shown(one.tachometer_outage_start_s)
             yield at(f"wheel.{number_}.tachometer_outage_start_s", f"{message}, got {got}")
 
 
 @rule_over("estimator.kind")
-def _the_filter_without_a_gyro_alone_needs_torques(values):
-    kind, gyro = values["estimator.kind"], values.get("gyro", 0) is not None
-    if kind == "mekf" and not gyro:
-        return
-    other = "[gyro]" if gyro else f'kind "{kind}"'
-    for key in OF_DYNAMICS:
+def _the_filter_alone_needs_torques(values):
+    kind = values["estimator.kind"]
+    for key in OF_DYNAMICS if kind != "mekf" else ():
         value = values.get(f"estimator.{key.name}")
         if value:
-            message = f"must be left out with {other}, got {shown(value)}"
+            message = f'must be left out with kind "{kind}", got {shown(value)}'
             yield at(f"estimator.{key.name}", message)
 
 
@@ -210,7 +225,7 @@ def _the_filter_alone_tests_innovations(kind, probability, patience, probation):
 def estimator_cautions(scenario: Any) -> Iterator[Issue]:
     """Yield cautions about what a filter that predicts rates by the dynamics does not expect."""
     table = scenario.estimator
-    if scenario.gyro is not None or table is None or table.rate_sigma_rad_s is None:
+    if table is None or table.rate_sigma_rad_s is None:
         return
     most = max(map(abs, scenario.initial.omega_rad_s))
     if most > 5 * table.rate_sigma_rad_s + scenario.orbit.rate():
@@ -239,7 +254,7 @@ UNKNOWN = (
 
 
 def _unknown_torques(scenario: Any) -> list[str]:
-    """Keys of torques that a filter without a gyro does not know: all but the gravity gradient."""
+    """Keys of torques that a filter by the dynamics does not know: all but the gravity gradient."""
     table = scenario.disturbance
     values = ((key, getattr(table, key)) for key in UNKNOWN)
     own = [key for key, value in values if (any(value) if isinstance(value, tuple) else value)]

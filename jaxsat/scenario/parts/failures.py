@@ -7,10 +7,11 @@ from pydantic import field_validator
 
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.sensor import TACHOMETER, TachometerFailureKind
-from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS, SENSORS
+from jaxsat.core.declaration.sensors import FILTER_SENSORS, SENSORS
 from jaxsat.core.declaration.thrusters import IDEAL_KINDS
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.text import suggestion
+from jaxsat.scenario.derived import predicts_by_dynamics
 from jaxsat.scenario.errors import Issue, Location
 from jaxsat.scenario.parts.actuator import names_of, number_of
 from jaxsat.scenario.quantities import (
@@ -31,7 +32,7 @@ _TABLES = tuple(_BY_NAME)
 _SENSORS = {one.name: one.kinds for one in SENSORS}
 _OF_SENSORS = _SENSORS | {TACHOMETER: tuple(TachometerFailureKind)}
 _KINDS = {one.name: one.kinds for one in ACTUATORS} | {_IDEAL: IDEAL_KINDS} | _OF_SENSORS
-_TESTED = tuple(one.name for one in ATTITUDE_SENSORS)
+_TESTED = tuple(one.name for one in FILTER_SENSORS)
 _WORDS = {
     name: ", ".join(f'"{kind.text}" ({kind.meaning})' for kind in kinds)
     for name, kinds in _KINDS.items()
@@ -222,13 +223,25 @@ def failure_cautions(scenario: Any) -> Iterator[Issue]:
 
 
 def _untested(scenario: Any) -> Iterator[Issue]:
-    """Yield a caution about a filter that believes a sensor with false readings."""
+    """Yield cautions about a filter that believes a sensor with false readings, and about one that
+    integrates the rates of a gyro that fails."""
     estimator = scenario.estimator
     kind = "mekf" if estimator is None else estimator.kind
-    if kind != "mekf" or getattr(estimator, "false_alarm_probability", None) is not None:
+    if kind != "mekf":
+        return
+    failing = {one.of for one in scenario.failure}
+    if "gyro" in failing and not predicts_by_dynamics(scenario):
+        failing.discard("gyro")
+        if not scenario.law.declaration.commands_actuators:
+            message = (
+                "should be given, so that the filter predicts rates by the dynamics and tests the "
+                "gyro that fails, else it believes every rate, got nothing"
+            )
+            yield Issue(("estimator", "torque_noise_N_m_sqrt_Hz"), message, (), True)
+    if getattr(estimator, "false_alarm_probability", None) is not None:
         return
     for one in scenario.failure:
-        if one.of in _TESTED and one.kind != "dead":
+        if one.of in failing.intersection(_TESTED) and one.kind != "dead":
             message = (
                 f"should be given, else the filter uses every reading of the failed {one.of}, got "
                 "nothing"

@@ -1,5 +1,6 @@
-"""Tumbling bodies under random torques, and a filter without a gyro that watches them."""
+"""Tumbling bodies under random torques, and a filter by the dynamics that watches them."""
 
+import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
@@ -92,18 +93,26 @@ def flights(cases, samples, wheels=0, torques=TORQUES, seed=1, size=0.01):
 
 
 def navigation_of(
-    tracker=None, vectors=(), wheels=0, noise=0.0, torques=TORQUES, test=None, failures=None
+    tracker=None,
+    vectors=(),
+    wheels=0,
+    noise=0.0,
+    torques=TORQUES,
+    test=None,
+    failures=None,
+    gyro=None,
 ):
     model = body(wheels)
     latency = 0 if not vectors else max(one.latency for one in vectors)
     covariance = AXES[:, :wheels] @ AXES[:, :wheels].T * noise**2 if noise else None
     deviations = tuple(one.noise for one in vectors)
     estimator = DynamicsFilter(
-        *(model, torques, RATE_SIGMA, tracker, deviations, latency, test, covariance)
+        *(model, torques, RATE_SIGMA, tracker, deviations, latency, test, covariance),
+        None if gyro is None else dataclasses.replace(gyro, failures=None),
     )
     named = {one.name.replace(" ", "_"): one for one in vectors}
     return Navigation(
-        None, tracker, estimator, ATTITUDE_SIGMA, body=model, failures=failures, **named
+        gyro, tracker, estimator, ATTITUDE_SIGMA, body=model, failures=failures, **named
     )
 
 
@@ -119,7 +128,7 @@ def _watched(navigation, keys, flights):
         def sample(memory, number):
             memory = memory._replace(torque=flight.torque[number])
             estimate, after = own.step(number, jnp.array(PERIOD), state(number), memory)
-            return after, (estimate, after.memory.belief)
+            return after, (estimate, after.memory.belief, memory.bias)
 
         first = own.init(state(0))
         return jax.lax.scan(sample, first, jnp.arange(flight.omega.shape[0]))[1]
@@ -128,7 +137,8 @@ def _watched(navigation, keys, flights):
 
 
 def watched(navigation, flights, noise=0.0, seed=5):
-    """Estimates and beliefs of a filter in these flights, with the noise of tachometers."""
+    """Estimates, beliefs and biases of the gyro of a filter in these flights, with the noise of
+    tachometers."""
     cases = len(flights.omega)
     keys = jnp.stack([jnp.arange(cases, dtype=jnp.uint32), jnp.full(cases, 7, jnp.uint32)], 1)
     drawn = noise * np.random.default_rng(seed).normal(size=flights.momentum.shape)

@@ -1,4 +1,4 @@
-"""The filter without a gyro against one in SciPy, χ² bands, closed forms and exact motions."""
+"""The filter by the dynamics against one in SciPy, χ² bands, closed forms and exact motions."""
 
 import equinox as eqx
 import jax
@@ -22,9 +22,10 @@ from control.navigation.motion import ORBIT_RATE, attitude_errors, inertial, rel
 from control.navigation.test_filter import covariance, tracker, within_band
 from control.navigation.test_innovations import failures
 from control.navigation.test_vectors import magnetometer, sun_sensor
-from jaxsat.control.navigation.dynamics_filter import DynamicsFilter, Motion, TorqueModel
+from jaxsat.control.navigation.dynamics_filter import DynamicsFilter, TorqueModel
 from jaxsat.control.navigation.estimator import Measurement
 from jaxsat.control.navigation.innovation import InnovationTest
+from jaxsat.control.navigation.motion import Motion
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.sensor import SensorFailureKind
 from jaxsat.spacecraft.dynamics import RigidBody
@@ -75,12 +76,13 @@ def test_the_filter_is_the_one_written_in_scipy(latency):
         np.testing.assert_allclose(estimate.attitude_sigma, deviations[:3], rtol=1e-8)
         np.testing.assert_allclose(estimate.rate_sigma, deviations[3:6], rtol=1e-8)
         if not latency:
-            np.testing.assert_allclose(memory.belief.torque, others[3:], atol=1e-12)
+            np.testing.assert_allclose(memory.belief.torque, others[3:6], atol=1e-12)
+            np.testing.assert_allclose(memory.belief.excess, others[6:], atol=1e-12)
             np.testing.assert_allclose(memory.belief.covariance, matrix, rtol=1e-7, atol=1e-16)
 
 
-def normalised_squares(flown, belief, number):
-    """εᵀP⁻¹ε of attitude, rate and unknown torque of every case at a sample (NEES)."""
+def normalised_squares(flown, belief, number, biases=None):
+    """εᵀP⁻¹ε of attitude, rate, unknown torque and bias of every case at a sample (NEES)."""
     error = np.concatenate(
         [
             attitude_errors(flown.quaternion[:, number], np.asarray(belief.q[:, number])),
@@ -89,7 +91,10 @@ def normalised_squares(flown, belief, number):
         ],
         axis=1,
     )
-    matrix = np.asarray(belief.covariance[:, number, :9, :9])
+    if biases is not None:
+        error = np.concatenate([error, biases[:, number] - belief.bias[:, number]], axis=1)
+    size = error.shape[1]
+    matrix = np.asarray(belief.covariance[:, number, :size, :size])
     return np.einsum("ci,ci->c", error, np.linalg.solve(matrix, error[..., None])[..., 0])
 
 
@@ -108,7 +113,7 @@ def test_errors_are_as_large_as_the_filter_claims(name):
     seen_by, vectors, wheels, noise = SETS[name]
     flown = flights(200, 201, wheels)
     navigation = navigation_of(seen_by, vectors, wheels, noise)
-    _, belief = watched(navigation, flown, noise)
+    _, belief, _ = watched(navigation, flown, noise)
     latency = navigation.estimator.latency
     found = flown._replace(
         **{
@@ -126,7 +131,7 @@ def test_a_constant_torque_that_is_not_estimated_is_told_apart():
     """NEES of attitude and rate leaves its band; with the torque in the state it does not."""
     flown = flights(100, 101)
     blind = TorqueModel(float(TORQUES.noise))
-    _, belief = watched(navigation_of(tracker(every=2), torques=blind), flown)
+    _, belief, _ = watched(navigation_of(tracker(every=2), torques=blind), flown)
     matrix = np.asarray(belief.covariance[:, 100, :6, :6])
     error = np.concatenate(
         [
@@ -248,7 +253,7 @@ def test_a_tracker_that_fails_is_excluded_and_the_rest_stays_honest(kind):
     navigation = navigation_of(
         tracker(every=2), (magnetometer(), sun_sensor()), test=InnovationTest(1e-6), failures=wrong
     )
-    estimates, belief = watched(navigation, flown)
+    estimates, belief, _ = watched(navigation, flown)
     excluded = np.asarray(estimates.excluded)
     assert not excluded[:, :50].any()
     assert excluded[:, 70:, 0].all()

@@ -28,6 +28,8 @@ from jaxsat.studies.run import run_study
 from jaxsat.studies.summary import summarise
 from jaxsat.synthesis.verification.conditions import with_failures
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*so that the filter predicts rates by")
+
 ROOT = Path(__file__).parents[3]
 SENSORS = """
 [gyro]
