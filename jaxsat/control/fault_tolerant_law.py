@@ -20,7 +20,7 @@ from jaxsat.control.controller import (
 )
 from jaxsat.control.diagnosis.diagnosis import Diagnosis
 from jaxsat.control.diagnosis.rod_fit import INTERVAL, RodFit, across
-from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter
+from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter, samples_of_torque
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.control.fault_tolerant import PARALLEL, FaultTolerant
 from jaxsat.control.fine import OscillatorySettling
@@ -295,8 +295,9 @@ def _tolerant_thrusters(
         sets, settling = _settling(values, context, torque, sets, Steps(pulse, noise))
     if wheels is not None:
         noise = float(np.hypot(noise, _noise_by_wheels(context, values["period_s"])))
+    samples = samples_of_torque(noise, values["period_s"], values["natural_frequency_rad_s"])
     return TolerantThrusters(
-        filter=ThrusterFilter(context.model, thrusters.model, noise, wheels),
+        filter=ThrusterFilter(context.model, thrusters.model, noise, wheels, samples),
         reconfiguration=Reconfiguration.of(torque, thrusters.cost, sets),
         rounding=PulseRounding(effect, thrusters.pulse),
         settling=settling,

@@ -21,6 +21,7 @@ from jaxsat.control.diagnosis.isolation import (
     stacked_parts,
 )
 from jaxsat.control.diagnosis.residual import (
+    BELIEVED_SIGMAS,
     RESTLESSNESS,
     TEST_SIGMAS,
     TRACKING,
@@ -51,6 +52,21 @@ FIRST_SAMPLES, MOST_SAMPLES, LAST_SAMPLES = 3.0, 300.0, 300.0
 """Samples that the prior of no external torque counts for, and after which its estimate is frozen:
 it would learn what a thruster lacks now and then. While errors of commanded torques outweigh all
 samples, the estimate is a mean of the last ones: it follows these errors, too."""
+
+
+LEAST_TURN = math.radians(1.0)
+"""Turn (rad) at rest by an external torque that the estimate tells from none."""
+
+
+def samples_of_torque(rate_noise: float, period: float, natural_frequency: float) -> float:
+    """Return the number of samples after which the estimate of the external torque is frozen.
+
+    It is `MOST_SAMPLES`, or more so that `LEAST_TURN` is `BELIEVED_SIGMAS` of the estimate: a
+    steady acceleration a turns a body by a/ω² under a law of natural frequency ω (rad/s).
+    """
+    noise = STEADY_GAIN * math.sqrt(STEADY_VARIANCE) * rate_noise / period
+    sigmas = noise / (natural_frequency**2 * LEAST_TURN)
+    return max(MOST_SAMPLES, (BELIEVED_SIGMAS * sigmas) ** 2)
 
 
 class ThrusterModel(eqx.Module):
@@ -119,9 +135,9 @@ class ThrusterFilter(AbstractResidualFilter):
 
     With `wheels` the rate is that of the body if they held no momentum, which wheel motors leave
     unchanged. `model` is the law's model of the plant, `rate_noise` (rad/s) the standard deviation
-    of such a rate. Thrust that a failed thruster lacks may come late: for some samples its effect
-    is in doubt, and not taken for a failure of another. Commands are on-times, s. Its `own` memory
-    is `Late`.
+    of such a rate, and `most_samples` as of `samples_of_torque`. Thrust that a failed thruster
+    lacks may come late: for some samples its effect is in doubt, and not taken for a failure of
+    another. Commands are on-times, s. Its `own` memory is `Late`.
     """
 
     hypotheses: ClassVar[Hypotheses] = Hypotheses(
@@ -137,6 +153,7 @@ class ThrusterFilter(AbstractResidualFilter):
     thrusters: ThrusterModel
     rate_noise: RealScalar = eqx.field(converter=positive("rate_noise"))
     wheels: Wheels | None = None
+    most_samples: RealScalar = eqx.field(converter=positive("most_samples"), default=MOST_SAMPLES)
 
     @property
     def count(self) -> int:
@@ -229,7 +246,7 @@ class ThrusterFilter(AbstractResidualFilter):
         noise = STEADY_VARIANCE * self.rate_noise**2
         wrong = jnp.maximum(residual.variance[0] / noise - 1, 0.0) / STEADY_GAIN**2
         new = jnp.maximum(1 - wrong * condition.samples, 0.0) ** 2
-        each = jnp.where(quiet & (condition.samples < MOST_SAMPLES), 1.0, 0.0)
+        each = jnp.where(quiet & (condition.samples < self.most_samples), 1.0, 0.0)
         each = each * (steady * STEADY_GAIN / period) ** 2
         weight = each * new * noise / residual.variance[0]
         beyond = jnp.maximum(wrong * condition.samples - 1, 0.0) / jnp.where(wrong > 0, wrong, 1.0)

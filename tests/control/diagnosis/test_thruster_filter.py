@@ -7,7 +7,11 @@ from scipy.integrate import solve_ivp
 
 from helpers.thruster_layouts import canted
 from jaxsat.control.diagnosis.residual import ActuatorCondition, Reading
-from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter, ThrusterModel
+from jaxsat.control.diagnosis.thruster_filter import (
+    ThrusterFilter,
+    ThrusterModel,
+    samples_of_torque,
+)
 from jaxsat.spacecraft.dynamics import RigidBody
 from jaxsat.spacecraft.environment.orbit import ExactOrbit
 from jaxsat.spacecraft.modulation import PulseWidth
@@ -58,3 +62,36 @@ def test_wheels_and_magnetorquers_are_not_taken_for_thrusters():
         silent = missed(begin, end._replace(unwatched=jnp.zeros(3)), jnp.array(period))
         np.testing.assert_allclose(np.linalg.norm(silent), by_rods, rtol=2e-2)
     assert 7 < sizes[0] / sizes[1] < 9
+
+
+def test_a_torque_that_turns_a_body_by_a_degree_is_believed_once_learned():
+    """And nothing of half of it; with slow gains and a noisy gyro it takes more samples."""
+    torque, none = canted(force=0.01)[0], np.zeros(8)
+    model = ThrusterModel(torque, none, none, none, PulseWidth())
+    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0))
+    period, noise, frequency = jnp.array(0.1), 3e-5, 0.03
+    samples = samples_of_torque(noise, 0.1, frequency)
+    assert samples == samples_of_torque(noise / 4, 0.1, frequency / 2) > 1200
+    assert samples_of_torque(noise / 4, 0.1, frequency) == 300
+    watch = ThrusterFilter(body, model, noise, None, samples)
+    outside = INERTIA @ np.array([0.0, 0.6, -0.8]) * np.radians(1.0) * frequency**2
+    for part, share in ((1.0, 1.0), (0.75, 0.5), (0.5, 0.0)):
+        condition = ActuatorCondition.sound(8)._replace(
+            torque=jnp.asarray(part * outside), samples=jnp.array(samples)
+        )
+        found = watch.believed(condition, period)
+        np.testing.assert_allclose(found, share * part * outside, atol=2e-3 * abs(outside).max())
+
+    def read(carry, rate):
+        memory, condition = carry
+        residual, memory = watch.step(
+            Reading(rate), jnp.zeros(8), condition, period, memory, jnp.array(0.1)
+        )
+        condition = watch.tracked(residual, condition, period, jnp.array(True))
+        return (memory, condition), condition.samples
+
+    still = jnp.zeros((1600, 3))
+    start = watch.init(Reading(still[0])), ActuatorCondition.sound(8)
+    counts = np.asarray(jax.lax.scan(read, start, still)[1])
+    assert 1200 < np.argmax(counts >= samples) < 1.02 * samples
+    assert samples <= counts[-1] < samples + 1
