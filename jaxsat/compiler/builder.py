@@ -67,6 +67,8 @@ class Builder:
             simple = self.ranges.simplified(name, args)
         if simple is None:
             simple = self.predicates.simplified(name, args)
+        if simple is None and self.compact and name in ("eq", "ne"):
+            simple = self._as_predicate(name, *args)
         if simple is None and dtype.kind == "f":
             simple = self._with_sign_outside(name, args)
         if simple is not None:
@@ -97,6 +99,27 @@ class Builder:
             self.truths[value.number] = source
         elif isinstance(source, ir.Value) and source.number in self.truths:
             self.truths[value.number] = self.truths[source.number]
+
+    def _as_predicate(self, name: str, x: ir.Scalar, number: ir.Scalar) -> ir.Scalar | None:
+        """Return the predicate that an equality of a truth value, or of a choice with a part that
+        alone is a constant, and this constant is; or None."""
+        if not isinstance(x, ir.Value) or isinstance(number, ir.Value) or number.dtype.kind != "i":
+            return None
+        truth = self.truths.get(x.number)
+        ones = x.dtype.type(1), x.dtype.type(0)
+        chosen = self.predicates.selection(x) if truth is None else (truth, *ones)
+        if chosen is None:
+            return None
+        predicate, *parts = chosen
+        equal = [
+            self.ranges.simplified("eq", (part, number))
+            if isinstance(part, ir.Value)
+            else part == number
+            for part in parts
+        ]
+        if None in equal or equal[0] == equal[1]:
+            return None
+        return predicate if equal[0] == (name == "eq") else self.negation(predicate)
 
     def _with_sign_outside(self, name: str, args: Sequence[ir.Scalar]) -> ir.Scalar | None:
         """Return an equal value, in all bits, with a negation absorbed or passed on, or None."""

@@ -83,7 +83,8 @@ OPERATIONS: dict[str, Arithmetic] = {
     "add": Arithmetic(np.add, "fadd", "add", "add"),
     "sub": Arithmetic(np.subtract, "fsub", "sub", "sub"),
     "mul": Arithmetic(np.multiply, "fmul", "mul", "mul"),
-    # whole divisors are neither zero nor minus one
+    # whole divisors are neither zero nor minus one; in compact programs signed ones may be: the
+    # remainder is zero then, and the quotient zero or -x
     "div": Arithmetic(_divide, "fdiv", "sdiv", "udiv"),
     "rem": Arithmetic(np.fmod, "frem", "srem", "urem"),
     # NaN where either is; -0.0 is less than 0.0

@@ -27,6 +27,17 @@ def chooses(n, x):
     return jnp.minimum(loop, jnp.where(n == 3, 7, 50)) % 11
 
 
+def divides(n, x):
+    """Quotients, remainders and a shift, of a count by a count, rounded down."""
+    parts = n // 3 + jnp.where(x > 0.4, n % jnp.where(n > 5, n, 4), n // jnp.maximum(n, -3))
+    return jnp.where(x > 0.9, n + 1, (parts >> 2) % 7)
+
+
+def votes(n, x):
+    """A count of what holds, and of signs."""
+    return jnp.where(x > 1.0, 0, n + (x > 0.3)) - jnp.where(x < 0.0, jnp.sign(n), 0)
+
+
 def searches(n, x):
     """The index of a least number, which the interpreter does not know."""
     return jnp.argmin(jnp.abs(jnp.arange(6) * 0.2 - x)) + jnp.where(n == 3, 0, 1)
@@ -55,6 +66,16 @@ def rounds(n, x):
 def is_large(n, x):
     """A limit beyond 32 bits."""
     return jnp.where(n + 1 > 2**40, 0, jnp.where(x > 0, n, n + 1))
+
+
+def shifts_far(n, x):
+    """A shift by more places than 32 bits have."""
+    return jnp.where(x > 0, n + 1, n >> 40)
+
+
+def adds_sums(n, x):
+    """More than one a call."""
+    return n + jnp.where(x > 0, n % 5, 2)
 
 
 def reads_bits(n, x):
@@ -91,7 +112,7 @@ def kinds(function):
     return {x.dtype for x in values if x.dtype.kind == "i"}
 
 
-@pytest.mark.parametrize("function", [counts, chooses])
+@pytest.mark.parametrize("function", [counts, chooses, divides, votes])
 def test_what_only_counts_and_chooses_has_32_bits_and_the_same_results(function):
     scalar, ports = program(function)
     assert WIDE in kinds(scalar)
@@ -107,7 +128,18 @@ def test_what_only_counts_and_chooses_has_32_bits_and_the_same_results(function)
 
 
 @pytest.mark.parametrize(
-    "function", [multiplies, adds_much, adds_large, doubles, rounds, is_large, reads_bits]
+    "function",
+    [
+        multiplies,
+        adds_much,
+        adds_large,
+        adds_sums,
+        doubles,
+        rounds,
+        is_large,
+        shifts_far,
+        reads_bits,
+    ],
 )
 def test_what_can_leave_32_bits_keeps_64(function):
     scalar, ports = program(function)

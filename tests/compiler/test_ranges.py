@@ -70,7 +70,9 @@ class _Program:
             name = str(self.rng.choice(("and", "or")))
             self.add(name, self.some(self.truths), self.some(self.truths))
         else:
-            parts = self.some(self.whole), self.some(self.whole)
+            parts = [self.some(self.whole), self.some(self.whole)]
+            if self.rng.random() < 0.4:
+                parts[self.rng.integers(2)] = self.constant()
             self.add("select", self.some(self.truths), *parts)
 
 
@@ -92,3 +94,44 @@ def test_a_remainder_with_the_sign_of_its_divisor_has_a_range():
     program.add("add", rest, (KIND.type(6), np.full(len(number[1]), 6, KIND)))
     program.add("select", program.truths[-1], program.whole[-1], rest)
     assert program.b.ranges.of(program.whole[-1][0]) == (0, 5)
+
+
+def _constant(program, number):
+    return KIND.type(number), np.full(len(program.whole[0][1]), number, KIND)
+
+
+def test_a_number_in_the_place_of_another_is_never_that_one():
+    """As a divisor is never zero."""
+    program = _Program(0)
+    number, zero = program.whole[0], _constant(program, 0)
+    program.add("eq", number, zero)
+    program.add("select", program.truths[-1], _constant(program, 3), number)
+    divisor = program.whole[-1]
+    decided = program.decided
+    program.add("eq", divisor, zero)
+    program.add("ne", zero, divisor)
+    assert program.decided == decided + 2
+    program.add("select", program.truths[-1], _constant(program, 0), number)
+    program.add("eq", program.whole[-1], zero)
+    assert program.decided == decided + 2
+    assert len(program.truths) == 2
+
+
+def test_an_equality_of_a_choice_is_its_predicate():
+    """As the sign of a number is one where it is positive."""
+    program = _Program(0)
+    number, zero, one = program.whole[0], _constant(program, 0), _constant(program, 1)
+    program.add("lt", number, zero)
+    program.add("gt", number, zero)
+    below, above = program.truths[-2:]
+    program.add("select", below, _constant(program, -1), zero)
+    program.add("select", above, one, program.whole[-1])
+    sign = program.whole[-1][0]
+    assert program.b.operation("eq", sign, KIND.type(1)) is above[0]
+    negation = program.b.operation("ne", sign, KIND.type(1))
+    assert negation is program.b.negation(above[0])
+    truth = program.b.convert(below[0], KIND)
+    assert program.b.operation("ne", truth, KIND.type(0)) is below[0]
+    assert program.b.select(negation, KIND.type(5), KIND.type(6)) is program.b.select(
+        above[0], KIND.type(6), KIND.type(5)
+    )

@@ -54,8 +54,7 @@ class Parts:
 def in_parts(function: Text, names: Names) -> Parts:
     """Return a short function unchanged, others in parts; `names` are those in use."""
     block = statements(function.lines)
-    head = len(in_lines(f"{function.head}({', '.join(function.parameters.values())})", ""))
-    if _fits(block, 1, LINES - 2 - head):
+    if _fits(block, 1, LINES - 2 - len(in_lines(_head(function), ""))):
         return Parts(function.declarations, (function,), {})
     space, work = names.new("space"), names.new("work")
     room = _ROOM
@@ -68,13 +67,17 @@ def in_parts(function: Text, names: Names) -> Parts:
 
 def _is_small(function: Text) -> bool:
     decisions = sum(one.decisions for one in statements(function.lines))
-    return len(lines_of(function)) <= LINES - 2 and decisions < COMPLEXITY
+    lines = len(lines_of(function)) - 1 + len(in_lines(_head(function), ""))
+    return lines <= LINES - 2 and decisions < COMPLEXITY
 
 
 def lines_of(function: Text) -> list[str]:
-    """Return all lines of a function."""
-    head = f"{function.head}({', '.join(function.parameters.values()) or 'void'})"
-    return [*in_lines(head, ""), "{", *with_initialisers(function.lines), "}"]
+    """Return all lines of a function; its head, where names follow, is one."""
+    return [_head(function), "{", *with_initialisers(function.lines), "}"]
+
+
+def _head(function: Text) -> str:
+    return f"{function.head}({', '.join(function.parameters.values()) or 'void'})"
 
 
 def _fits(block: Sequence[Statement], depth: int, room: int) -> bool:

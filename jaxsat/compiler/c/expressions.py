@@ -114,6 +114,7 @@ def operation(
 
 
 _PLACE = re.compile(r"[\w>.\-\[\]]+")
+_WHOLE_NUMBER = re.compile(r"-?(\d+|INT64_C\(\d+\))")
 _NUMBER = re.compile(r"-?[\d.]+(e[+-]?\d+)?F?|true|false|[A-Z][A-Z0-9_]*")
 
 
@@ -174,6 +175,8 @@ def _whole(name, args, dtype, need) -> Expression | None:
         return called(need(name, dtype, None), *args)
     if name == "population_count":
         return called(need(name, dtype, None), *args)
+    if signed and name in ("div", "rem") and not _WHOLE_NUMBER.fullmatch(args[1].text):
+        return called(need("quotient" if name == "div" else "remainder", dtype, None), *args)
     shifts = {"shift_left": "<<", "shift_right_logical": ">>"}
     if name in ("add", "sub", "mul", "div", "rem"):
         sign, level = _INFIX.get(name, ("%", PRODUCT))

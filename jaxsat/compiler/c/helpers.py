@@ -52,6 +52,8 @@ DECIDES = {
     "maximum": "max",
     "minimum": "min",
     "whole": "convert",
+    "quotient": "div",
+    "remainder": "rem",
     "shift_right_arithmetic": "shift_right_arithmetic",
 }
 """Helpers that have branches, and the operation that each is."""
@@ -91,6 +93,10 @@ def helper(name: str, dtype: np.dtype, other: np.dtype | None = None) -> tuple[s
                 "}",
             ]
             return full, "\n".join(lines), [wrap]
+        case "quotient" | "remainder":
+            negation = "sub", dtype, None
+            needs = [negation] if name == "quotient" else []
+            return full, _divided(name, full, c, helper(*negation)[0]), needs
         case "signed_of":
             signed = TYPES[np.dtype(f"i{dtype.itemsize}")]
             return full, _copied(full, c, signed), []
@@ -134,6 +140,26 @@ def _extremum(name: str, full: str, c: str) -> str:
         f"  const {c} same = ((x == y) && (x != {_zero(c)})) ? x : {last};"
         " /* zeros, not a number */",
         f"  return (x {sign} y) ? x : ((x {other} y) ? y : same);",
+        "}",
+    ]
+    return "\n".join(lines)
+
+
+def _divided(name: str, full: str, c: str, minus: str) -> str:
+    """Return a division by any number, in branches of divisors among which zero is not."""
+    sign, rest = ("/", f"(y == 0) ? 0 : {minus}(0, x)") if name == "quotient" else ("%", "0")
+    lines = [
+        _signature(c, full, f"{c} x, {c} y"),
+        "{",
+        f"  {c} found;",
+        "  if (y > 0) {",
+        f"    found = ({c})(x {sign} y);",
+        "  } else if (y < -1) {",
+        f"    found = ({c})(x {sign} y);",
+        "  } else { /* 0, by which none divides, or -1, which may overflow */",
+        f"    found = {rest};",
+        "  }",
+        "  return found;",
         "}",
     ]
     return "\n".join(lines)

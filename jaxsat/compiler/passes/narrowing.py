@@ -1,4 +1,4 @@
-"""Whole numbers of 32 bits in place of 64 where a program only counts, compares and chooses.
+"""Whole numbers of 32 bits in place of 64 where a program counts, divides, compares and chooses.
 
 NumPy's and JAX's default integers have 64 bits beside doubles. A number becomes shorter where it
 begins as one of at most `MOST`, and where nothing that is made of it can leave 32 bits but by
@@ -24,7 +24,8 @@ from jaxsat.compiler.passes.holders import (
 
 WIDE, NARROW = np.dtype(np.int64), np.dtype(np.int32)
 
-ALIKE = frozenset(("select", "add", "sub", "min", "max", "neg", "abs", "and", "or", "xor", "rem"))
+ALIKE = frozenset(("select", "add", "sub", "min", "max", "neg", "abs", "and", "or", "xor", "rem",
+                   "div", "shift_right_arithmetic"))  # fmt: skip
 """Operations whose results have the type of their operands, and stay within 32 bits."""
 
 MOST = 2**20
@@ -75,6 +76,7 @@ class _Narrowing:
             if isinstance(step, ir.Operation) and step.name == "rem"
             if isinstance(step.args[1], np.generic)
         }
+        self._units = {number for function in functions for number in _units(function)}
         self._wide: set[Hashable] = set()
         self._ports: set[Hashable] = set()
         for one in programs:
@@ -149,12 +151,15 @@ class _Narrowing:
                     self._wide.add(memory.number)
 
     def _grows(self, step: ir.Operation) -> bool:
-        """Whether an operation is a sum by more than `MOST`, or one by more than one that may be an
-        operand of itself later."""
+        """Whether an operation is a sum by more than `MOST`, one by more than one that may be an
+        operand of itself later, or a shift that 32 bits do not have."""
+        if step.name == "shift_right_arithmetic":
+            places = step.args[1]
+            return isinstance(places, ir.Value) or not 0 <= int(places) < 32
         if step.name not in ("add", "sub"):
             return False
         sizes = [abs(int(x)) for x in step.args if isinstance(x, np.generic)]
-        if sizes and min(sizes) <= 1:
+        if any(_is_unit(x, self._units) for x in step.args):
             return False
         if sizes and max(sizes) > MOST:
             return True
@@ -167,6 +172,22 @@ class _Narrowing:
                 seen.add(one)
                 waiting += self._after.get(one, ())
         return bool(before & seen)
+
+
+def _units(function: ir.Function) -> set[int]:
+    """Return the numbers of long values that are -1, 0 or 1: truth values and choices of these."""
+    found: set[int] = set()
+    for step in steps_in(function.block):
+        if isinstance(step, ir.Operation) and step.out.dtype == WIDE:
+            is_truth = step.name == "convert" and step.args[0].dtype == bool
+            parts = step.args[1:] if step.name == "select" else ()
+            if is_truth or (parts and all(_is_unit(x, found) for x in parts)):
+                found.add(step.out.number)
+    return found
+
+
+def _is_unit(x: ir.Scalar, units: set[int]) -> bool:
+    return abs(int(x)) <= 1 if isinstance(x, np.generic) else x.number in units
 
 
 def _fits(x: object) -> bool:

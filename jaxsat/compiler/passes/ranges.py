@@ -76,6 +76,13 @@ class Comparisons:
         name = name if args[0] is x else _MIRRORED[name]
         return _compared(name if holds else _OPPOSITE[name], within, int(number))  # pyright: ignore
 
+    def replaced(self, predicate: Scalar, no: Scalar) -> int | None:
+        """Return the constant in whose place an integer (`no`) has another number, or None."""
+        name, args = self._of(predicate)
+        if name != "eq" or self.subject(predicate) is not no:
+            return None
+        return int(args[1] if args[0] is no else args[0])  # pyright: ignore
+
     def _of(self, predicate: Scalar) -> tuple[str, tuple[Scalar, ...]]:
         known = self._made.get(predicate.number) if isinstance(predicate, Value) else None
         return known or ("", ())
@@ -119,6 +126,7 @@ class Ranges:
         self._steps: dict[int, tuple[int, int]] = {}
         self._sums: dict[int, tuple[Value, int]] = {}
         self._limits: dict[int, tuple[float, float]] = {}
+        self._never: dict[int, int] = {}
         self._comparisons = Comparisons()
 
     def note(self, value: Value, least: int, largest: int) -> None:
@@ -203,7 +211,7 @@ class Ranges:
         if args[0].dtype.kind not in "iu":
             return None
         x, y = (self._within(arg) for arg in args)
-        if name in ("eq", "ne") and self._is_between_steps(args[0], y):
+        if name in ("eq", "ne") and (self._is_between_steps(args[0], y) or self._is_never(args)):
             return np.bool_(name == "ne")
         if name in _DECIDED:
             decided = _DECIDED[name](x, y)
@@ -238,6 +246,9 @@ class Ranges:
             for x, holds in zip(parts, (True, False), strict=True)
         ]
         self._known[out.number] = united(*both)
+        number = self._comparisons.replaced(args[0], args[2])
+        if number is not None and is_empty(common(self._within(args[1]), (number, number))):
+            self._never[out.number] = number
 
     def _chosen(self, x: Scalar, predicate: Scalar, *, holds: bool) -> Bounds:
         """Return the range of a number where a predicate holds or does not."""
@@ -284,6 +295,14 @@ class Ranges:
     def _steps_of(self, x: Scalar) -> tuple[int, int] | None:
         """Return step and remainder of a value that is a multiple plus a constant, or None."""
         return self._steps.get(x.number) if isinstance(x, Value) else None
+
+    def _is_never(self, args: Sequence[Scalar]) -> bool:
+        """Whether a value was chosen not to be a constant."""
+        pairs = (args, args[::-1])
+        return any(
+            isinstance(x, Value) and not isinstance(y, Value) and self._never.get(x.number) == y
+            for x, y in pairs
+        )
 
     def _is_between_steps(self, x: Scalar, number: Bounds) -> bool:
         """Whether a value has a step, and a number is not on it."""

@@ -109,11 +109,18 @@ class Predicates:
                 found |= self.implied(first, holds=found[param.number])
         return found
 
+    def selection(self, x: Value) -> tuple[Scalar, ...] | None:
+        """Return the predicate and the parts of a selection, None for another value."""
+        return self._selected.get(x.number)
+
     def parts(self, name: str, args: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
-        """Return the operands, of a selection without inner selections by the same predicate."""
+        """Return the operands, of a selection those by a predicate that is no negation, without
+        inner selections by the same predicate."""
         if name != "select":
             return args
         predicate, *others = args
+        while isinstance(predicate, Value) and predicate.number in self._opposite:
+            predicate, others = self._opposite[predicate.number], others[::-1]
         parts = []
         for which, one in enumerate(others, 1):
             again = self._selected.get(one.number) if isinstance(one, Value) else None

@@ -112,6 +112,8 @@ def _whole(b: Builder, name: str, x: Scalar, y: Scalar, by_zero: Scalar) -> Scal
     """Divide integers by a divisor that cannot trap."""
     zero, one = x.dtype.type(0), x.dtype.type(1)
     none = b.operation("eq", y, zero)
+    if b.compact and isinstance(y, Value) and x.dtype.kind == "i":
+        return b.select(none, by_zero, b.operation(name, x, y))
     safe = b.select(none, one, y)
     if x.dtype.kind == "u":
         return b.select(none, by_zero, b.operation(name, x, safe))
