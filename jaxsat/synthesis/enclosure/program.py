@@ -142,7 +142,7 @@ def _gathered(given: Mapping, x: Form, index: Form) -> Form:
     return Form(x.rows.reshape(len(x.rows), count)[:, np.asarray(taken)], x.starts)
 
 
-def _scattered(given: Mapping, x: Form, index: Form, new: Form) -> Form:
+def _scattered(given: Mapping, x: Form, index: Form, new: Form) -> Form | Sequence[Form]:
     """Some numbers replaced, by the places of all numbers in old and new ones together."""
     count, more = math.prod(x.shape), math.prod(new.shape)
     taken = jax.lax.scatter(
