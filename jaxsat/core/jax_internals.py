@@ -287,7 +287,9 @@ def _evaluate(program: Any, values: Sequence[Any]) -> list[Any]:
 
     for equation in jaxpr.eqns:
         operands, layout = [value(atom) for atom in equation.invars], layout_of(equation)
-        if layout.name == CALL and not layout.unknown:
+        if layout.name in IDENTICAL:
+            results = operands
+        elif layout.name == CALL and not layout.unknown:
             results = _evaluate(layout.parameters["body"], operands)
         else:
             found = equation.primitive.bind(*operands, **equation.params)

@@ -181,7 +181,7 @@ def multiply(a: Form, b: Form) -> Form:
             twice = _pair_weights(count).reshape(-1, *(1,) * len(a.shape))
             slopes[count : count + len(products)] += products * twice
         rest = rest + np.maximum(second, 0.0)
-    return _form(center, slopes, rest, magnitude, 8 + 2 * len(slopes), count)
+    return _form(center, slopes, rest, magnitude, 8 + 5 * len(slopes), count)
 
 
 def _pair_weights(count: int) -> Numbers:

@@ -92,12 +92,6 @@ def _extreme(function: Callable) -> Rule:
     return rule
 
 
-def _converted(given: Mapping, x: Form) -> Form:
-    if given["new_dtype"] in (np.float32, np.float16):
-        raise ArgumentError("function", "must compute with 64-bit numbers", given["new_dtype"])
-    return x
-
-
 def _clamped(low: Form, x: Form, high: Form) -> Form:
     return functions.smaller(functions.larger(x, low), high)
 
@@ -216,7 +210,7 @@ _PLAIN: dict[str, Callable[..., Form]] = {
 RULES: dict[str, Rule] = {
     **{name: _plain(function) for name, function in _PLAIN.items()},
     **{name: _plain(lambda x: x) for name in IDENTICAL},
-    "convert_element_type": _converted,
+    "convert_element_type": _plain(lambda x: x),
     "integer_pow": lambda given, x: functions.power(x, float(given["y"])),
     "pow": _raised,
     "select_n": _chosen,
@@ -269,8 +263,35 @@ CORNERS: dict[str, Callable[..., Numbers]] = {
     "select_n": _undecided,
     "reduce_max": lambda x: np.array(True),
     "reduce_min": lambda x: np.array(True),
+    **{
+        name: lambda x, y, compare=_PLAIN[name]: _undecided(compare(x, y))
+        for name in ("lt", "le", "gt", "ge", "eq", "ne")
+    },
 }
 """Where operations by name are not smooth on their operands' sets."""
+
+_OF_TRUTHS = ("and", "or", "not")
+_OF_REALS = ("div", "floor")
+
+
+def _require_reals_and_truths(equation: Equation) -> None:
+    """Refuse operations whose rules are of real numbers, or of truths, on other types."""
+    kinds = [np.dtype(one.aval.dtype).kind for one in equation.inputs]
+    rule, got = "", equation.name
+    if equation.name == "convert_element_type":
+        new = np.dtype(equation.parameters["new_dtype"])
+        got = f"a conversion to {new}"
+        if new.kind not in "biu" and new != np.float64:
+            rule = "must compute with 64-bit numbers"
+        elif new.kind in "biu" and kinds != [new.kind] and kinds != ["b"]:
+            rule = "must compare numbers or take their floor, which has a rule"
+    elif equation.name in _OF_TRUTHS and set(kinds) != {"b"}:
+        rule, got = "must use bits of truths alone", f"`{got}` of whole numbers"
+    elif equation.name in _OF_REALS and set(kinds) - {"f"}:
+        rule, got = "must divide real numbers", f"`{got}` of whole numbers"
+    if rule:
+        place = summary_of(equation.place)
+        raise ArgumentError("function", rule, got + (f" in {place}" if place else ""))
 
 
 class _Step(NamedTuple):
@@ -361,6 +382,7 @@ class FormProgram:
             place = summary_of(equation.place)
             got = f"`{equation.name}`" + (f" in {place}" if place else "")
             raise ArgumentError("function", "must contain only operations with a rule", got)
+        _require_reals_and_truths(equation)
         results = tuple(range(self._count, self._count + len(equation.outputs)))
         self._count += len(results)
         step = _Step(equation.name, rule, equation.parameters, operands, results)

@@ -20,6 +20,7 @@ import jax
 import numpy as np
 from jaxtyping import ArrayLike
 
+from jaxsat.core.checks import require_counts, require_positive
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.jax_internals import without_own_rules
 from jaxsat.synthesis.enclosure.forms import (
@@ -141,7 +142,7 @@ class _Loop:
             return [one(state) / math.factorial(1 + k) for k, one in enumerate(derivatives)]
 
         self.command = FormProgram(controller, state)
-        self.rate = FormProgram(dynamics, *examples)
+        self.rate = FormProgram(dynamics, *examples, smooth=True)
         self.coefficients = FormProgram(lambda *at: coefficients(*at)[:-1], *examples, smooth=True)
         self.last = FormProgram(lambda *at: coefficients(*at)[-1], *examples, smooth=True)
         self.jacobian = (
@@ -258,6 +259,13 @@ def _framed(slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return (frame * bound).T, rest
 
 
+def _box(name: str, ends: Box) -> tuple[np.ndarray, np.ndarray]:
+    lower, upper = (np.atleast_1d(np.asarray(end, float)) for end in ends)
+    if lower.shape != upper.shape or not (lower <= upper).all():
+        raise ArgumentError(name, "must have lower ends at or below the upper ends")
+    return lower, upper
+
+
 def enclose(
     dynamics: Callable,
     controller: Callable,
@@ -283,11 +291,14 @@ def enclose(
     that of the Taylor polynomials in time; `symbols` describe the state besides those of the start,
     more of them narrower; `pieces` divide each period in the result.
 
-    Raises `ArgumentError` for an operation without a rule, and if `start` is no box.
+    Raises `ArgumentError` for an operation without a rule, if `start` or `disturbance` is no box,
+    or if a count or the period is not positive.
     """
-    lower, upper = (np.atleast_1d(np.asarray(end, float)) for end in start)
-    if lower.shape != upper.shape or not (lower <= upper).all():
-        raise ArgumentError("start", "must have lower ends at or below the upper ends")
+    require_counts(periods=periods, order=order, symbols=symbols, pieces=pieces)
+    require_positive("period", period)
+    lower, upper = _box("start", start)
+    if disturbance is not None:
+        disturbance = _box("disturbance", disturbance)
     loop = _Loop(dynamics, controller, len(lower), disturbance, order)
     boxes, found = [(lower, upper)], [_Piece(0.0, lower, upper)]
     with np.errstate(all="ignore"):

@@ -224,3 +224,54 @@ def test_the_three_axis_loop_is_that_of_the_law():
 def test_a_start_must_be_a_box():
     with pytest.raises(ArgumentError, match="start"):
         jaxsat.enclose(lambda x, u: -x, lambda x: x, ([1.0], [0.0]), 0.1, 1)
+
+
+JUMPS = {
+    "sign": lambda x, u: -jnp.sign(x),
+    "where": lambda x, u: jnp.where(x > 0, -1.0, -0.1),
+    "truth": lambda x, u: -(x > 0).astype(float),
+    "floor": lambda x, u: jnp.floor(x) - 0.5,
+    "maximum": lambda x, u: jnp.maximum(x, 0.0) - 0.5,
+}
+
+
+@pytest.mark.parametrize("name", JUMPS)
+def test_a_tube_ends_where_dynamics_jump_within_a_period(name):
+    """No sample is at the jump, and all derivatives at the samples are those of one side."""
+    tube = jaxsat.enclose(JUMPS[name], lambda x: 0 * x, ([0.1], [0.2]), 1.0, 1)
+    assert not tube.is_finite
+    assert not tube.avoids(([-0.01], [0.01]))
+
+
+def test_the_real_derivatives_of_a_rate_that_stops_gradients_are_used():
+    tube = jaxsat.enclose(
+        lambda x, u: -(jax.lax.stop_gradient(x) ** 2), lambda x: 0 * x, ([1.0], [1.0]), 0.1, 20
+    )
+    assert tube.lower[-1, 0] <= 1 / 3 <= tube.upper[-1, 0]
+    assert tube.upper[-1, 0] - tube.lower[-1, 0] < 1e-4
+
+
+REFUSED = {
+    "int": lambda x: x.astype(int) * 1.0,
+    "bool": lambda x: jnp.where(x.astype(bool), 1.0, 0.0),
+    "bfloat16": lambda x: x.astype(jnp.bfloat16).astype(float),
+    "and": lambda x: x * (jnp.array([6]) & jnp.sign(x).astype(bool)),
+    "div": lambda x: x * jax.lax.div(jnp.argsort(x), jnp.array([2])),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_whole_numbers_and_few_bits_are_not_taken_for_real_ones(name):
+    with pytest.raises(ArgumentError, match="function"):
+        jaxsat.enclose(lambda x, u: u, REFUSED[name], ([0.6], [0.7]), 1.0, 1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "name"),
+    [({"pieces": 0}, "pieces"), ({"periods": 0}, "periods"), ({"order": 0}, "order"),
+     ({"period": -1.0}, "period"), ({"disturbance": ([1.0], [-1.0])}, "disturbance")],
+)  # fmt: skip
+def test_arguments_of_which_a_tube_would_say_nothing_are_refused(changes, name):
+    given = {"start": ([0.1], [0.2]), "period": 1.0, "periods": 1} | changes
+    with pytest.raises(ArgumentError, match=name):
+        jaxsat.enclose(lambda x, *u: sum(u), lambda x: 0 * x, **given)
