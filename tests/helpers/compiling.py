@@ -22,10 +22,10 @@ def skip_most_optimisations() -> None:
 def share_contexts(count: int = 100) -> None:
     """Let `count` programs of a thread share a context of MLIR, which takes a fifth of the time
     that XLA and JAX need for a small program."""
-    from jax._src.interpreters import mlir
-
     if os.environ.get("XLA_FLAGS") != FLAGS:
         return
+    from jax._src.interpreters import mlir
+
     make, own = mlir.make_ir_context, threading.local()
 
     def shared() -> Any:

@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from importlib.abc import MetaPathFinder
 from importlib.machinery import PathFinder, SourceFileLoader
-from types import SimpleNamespace
+from types import CodeType, SimpleNamespace
 from typing import Any, get_args, get_type_hints
 
 from beartype import BeartypeConf, beartype
@@ -28,6 +28,8 @@ CALLS = 2
 
 _one_at_a_time = threading.RLock()
 _closures: Counter[int] = Counter()
+_codes: dict[int, CodeType] = {}
+"""The code of closures counted in a test, by `id`, so that no other gets the same one."""
 _test = 0
 _typed = beartype(conf=BeartypeConf(violation_type=TypeError))
 _shapes = jaxtyped("context")
@@ -44,6 +46,7 @@ def begin_test() -> None:
     global _test
     _test += 1
     _closures.clear()
+    _codes.clear()
 
 
 class _Finder(MetaPathFinder):
@@ -99,10 +102,12 @@ def checked(part: Any) -> Any:
 
 
 def _checked(function: Callable) -> Callable:
-    code = id(function.__code__)
-    _closures[code] += 1
-    if _closures[code] > CALLS:
-        return function
+    if _test:  # functions made at import are all checked
+        code = id(function.__code__)
+        _codes[code] = function.__code__
+        _closures[code] += 1
+        if _closures[code] > CALLS:
+            return function
     call: Any = None
     has_shapes, count, test = False, 0, _test
 

@@ -149,8 +149,7 @@ def simulated(samples=25):
     return moving, rates, told
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("latency", [2, 0])
+@pytest.mark.parametrize("latency", [2, pytest.param(0, marks=pytest.mark.slow)])
 def test_the_filter_with_vectors_is_the_one_in_scipy(latency):
     """Estimates and covariances at every sample, with an attitude now and then besides."""
     moving, rates, told = simulated()
