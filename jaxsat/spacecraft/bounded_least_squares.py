@@ -41,8 +41,8 @@ class Bounded(NamedTuple):
     weight: OfEach
 
 
-class Held(NamedTuple):
-    """Active set of a solution: the devices at a bound, and the facets that ended legs.
+class ActiveSet(NamedTuple):
+    """Active constraints of a solution: the devices at a bound, and the facets that ended legs.
 
     Devices with a `side` of 1 are at their upper bound, those with -1 at the lower one. A leg that
     was not made in full, see `Active`, has in its row of `facets` the normal of the facet that
@@ -62,8 +62,8 @@ class Active(NamedTuple):
     """
 
     multiplier: Vector
-    held: Held
-    last: Held
+    held: ActiveSet
+    last: ActiveSet
     ahead: Vector
     leg: IntScalar
     rounds: IntScalar
@@ -104,12 +104,12 @@ def _solved(devices: Bounded, torque: Vector, first: Vector | None) -> tuple[OfE
     end = _ended(*jax.lax.stop_gradient((devices, torque, first)))
     both = jax.tree.map(lambda *x: jnp.stack(x), end.held, end.last)
 
-    def tried(held: Held):
+    def tried(held: ActiveSet):
         each, totals = _at(devices, torque, first, held)
         off = totals - devices.units @ within(each, devices.low, devices.high)
         return each, totals, jnp.max(jnp.abs(off)) <= NONE * jnp.max(jnp.abs(totals))
 
-    def one_more(so_far, held: Held):
+    def one_more(so_far, held: ActiveSet):
         return jax.lax.cond(so_far[-1], lambda: so_far, lambda: tried(held)), None
 
     none = (jnp.zeros_like(devices.weight), jnp.zeros_like(torque), jnp.array(False))
@@ -118,7 +118,7 @@ def _solved(devices: Bounded, torque: Vector, first: Vector | None) -> tuple[OfE
 
 
 def _at(
-    devices: Bounded, torque: Vector, first: Vector | None, held: Held
+    devices: Bounded, torque: Vector, first: Vector | None, held: ActiveSet
 ) -> tuple[OfEach, Vector]:
     """Return the torque of each device with this active set, and the torque of all together."""
     free = _free(devices, held)
@@ -139,7 +139,7 @@ def _at(
 def _beginning(devices: Bounded, torque: Vector, first: Vector | None) -> Active:
     """Return the initial state: no torque made, all of it ahead."""
     facets, ahead, leg = begun_legs(torque, first)
-    held = Held(jnp.zeros_like(devices.weight), facets)
+    held = ActiveSet(jnp.zeros_like(devices.weight), facets)
     comes_first = False if first is None else jnp.any(first != 0)
     return Active(
         jnp.zeros_like(torque),
@@ -160,7 +160,7 @@ def _ended(devices: Bounded, torque: Vector, first: Vector | None) -> Active:
     )
 
 
-def _free(devices: Bounded, held: Held) -> Bool[Array, " m"]:
+def _free(devices: Bounded, held: ActiveSet) -> Bool[Array, " m"]:
     return (held.side == 0) & (devices.high > devices.low)
 
 
@@ -255,7 +255,7 @@ def _round(devices: Bounded, torque: Vector, first: Vector | None, at: Active) -
     step = jnp.where(stands, jnp.where(short, 0.0, step), jnp.minimum(step, 1.0))
     turned = (jnp.arange(free.shape[0]) == hit) & ~ended
     this = ended & (legs_before(at.held.facets) == jnp.minimum(at.leg, 1))
-    held = Held(
+    held = ActiveSet(
         jnp.where(turned, jnp.where(free, side, 0.0), at.held.side),
         jnp.where(this[:, None], jnp.where(short, across, 0.0)[None], at.held.facets),
     )

@@ -5,7 +5,7 @@ from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 import numpy as np
 
 from jaxsat.compiler import ir
-from jaxsat.compiler.passes.holders import Classes, Slot, functions_of, slots, steps_in
+from jaxsat.compiler.passes.holders import Classes, Content, functions_of, slots, steps_in
 from jaxsat.compiler.passes.narrowing import Ports
 
 Words = Mapping[int, str]
@@ -49,7 +49,7 @@ def name_numbers(
 
 
 def _classes(
-    programs: Iterable[Ports], steps: Iterable[ir.Step], places: Iterable[Slot]
+    programs: Iterable[Ports], steps: Iterable[ir.Step], places: Iterable[Content]
 ) -> Classes:
     """Return the sets of holders that exchange numbers."""
     classes = Classes()

@@ -13,7 +13,7 @@ from jaxsat.compiler import ir
 
 
 @dataclass(frozen=True, slots=True)
-class Slot:
+class Content:
     """A scalar, or another holder, that a holder takes over; `put` replaces a constant there."""
 
     holder: Hashable
@@ -77,7 +77,9 @@ def steps_in(block: ir.Block) -> Iterator[ir.Step]:
             yield from steps_in(inside)
 
 
-def slots(function: ir.Function, alike: frozenset[str], compared: frozenset[str]) -> Iterator[Slot]:
+def slots(
+    function: ir.Function, alike: frozenset[str], compared: frozenset[str]
+) -> Iterator[Content]:
     """Yield the slots of a function, without those of functions that it calls.
 
     The results of the operations `alike` hold their operands of the same type, and the operands of
@@ -90,12 +92,12 @@ def slots(function: ir.Function, alike: frozenset[str], compared: frozenset[str]
             case ir.Operation():
                 yield from _of_operation(step, alike, compared)
             case ir.Load(memory=memory, out=out):
-                yield Slot(out.number, memory.number, _constant)
+                yield Content(out.number, memory.number, _constant)
                 elements = list(memory.elements)
                 memory.elements = elements
                 yield from (_at(memory.number, elements, i) for i in range(len(elements)))
             case ir.Store(memory=memory):
-                yield Slot(memory.number, step.value, lambda x, to=step: setattr(to, "value", x))
+                yield Content(memory.number, step.value, lambda x, to=step: setattr(to, "value", x))
             case ir.Loop():
                 for i, param in enumerate(step.params):
                     yield _at(param.number, step.before, i)
@@ -109,12 +111,12 @@ def slots(function: ir.Function, alike: frozenset[str], compared: frozenset[str]
                 called = step.function
                 yield from (_at(x.number, step.args, i) for i, x in enumerate(called.params))
                 for i, out in enumerate(step.outs):
-                    yield Slot(out.number, result(called, i), _constant)
+                    yield Content(out.number, result(called, i), _constant)
 
 
 def _of_operation(
     step: ir.Operation, alike: frozenset[str], compared: frozenset[str]
-) -> Iterator[Slot]:
+) -> Iterator[Content]:
     first = int(step.name == "select")
     values = [x for x in step.args if isinstance(x, ir.Value)]
     if step.name in alike:
@@ -128,11 +130,11 @@ def _of_operation(
         def put(x: np.generic, place: int = i) -> None:
             step.args = (*step.args[:place], x, *step.args[place + 1 :])
 
-        yield Slot(holder, step.args[i], put)
+        yield Content(holder, step.args[i], put)
 
 
-def _at(holder: Hashable, scalars: list[ir.Scalar], place: int) -> Slot:
-    return Slot(holder, scalars[place], lambda x: scalars.__setitem__(place, x))
+def _at(holder: Hashable, scalars: list[ir.Scalar], place: int) -> Content:
+    return Content(holder, scalars[place], lambda x: scalars.__setitem__(place, x))
 
 
 def _constant(x: np.generic) -> None:

@@ -33,13 +33,13 @@ from jaxsat.synthesis.tuning.parameters import SearchSpace, TunedParameter, Valu
 from jaxsat.synthesis.tuning.plan import (
     AbstractAggregate,
     ConditionalValueAtRisk,
+    LargestCost,
     Mean,
     Objective,
     Quantile,
     TailCompression,
     TuningPlan,
     TuningSettings,
-    WorstCase,
 )
 from jaxsat.synthesis.tuning.strategies import require_package
 
@@ -280,7 +280,7 @@ def _aggregate(table: TuningTable) -> AbstractAggregate:
         return ConditionalValueAtRisk(table.level)
     if table.aggregate == "quantile":
         return Quantile(table.level)
-    return WorstCase() if table.aggregate == "worst" else Mean()
+    return LargestCost() if table.aggregate == "worst" else Mean()
 
 
 def _settings(table: TuningTable, seed: int, interval: float) -> TuningSettings:

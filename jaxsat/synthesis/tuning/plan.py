@@ -76,7 +76,7 @@ class Quantile(AbstractAggregate):
 
 
 @dataclass(frozen=True)
-class WorstCase(AbstractAggregate):
+class LargestCost(AbstractAggregate):
     """Largest cost."""
 
     def weights(self, costs: Costs) -> Costs:

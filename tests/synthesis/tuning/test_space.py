@@ -10,11 +10,11 @@ from jaxsat.synthesis.tuning import baselines
 from jaxsat.synthesis.tuning.parameters import SearchSpace, TunedParameter
 from jaxsat.synthesis.tuning.plan import (
     ConditionalValueAtRisk,
+    LargestCost,
     Mean,
     Objective,
     Quantile,
     TailCompression,
-    WorstCase,
 )
 
 SPACE = SearchSpace(
@@ -92,7 +92,7 @@ COSTS = np.array([3.0, 100.0, 1.0, 7.0, 5.0, 40.0, 2.0, 9.0])
     ("aggregate", "expected"),
     [
         (Mean(), COSTS.mean()),
-        (WorstCase(), 100.0),
+        (LargestCost(), 100.0),
         (Quantile(0.8), np.quantile(COSTS, 0.8)),
         (ConditionalValueAtRisk(0.75), (100 + 40) / 2),
         (ConditionalValueAtRisk(0.7), (100 + 40 + 0.4 * 9) / 2.4),
