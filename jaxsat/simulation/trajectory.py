@@ -3,10 +3,11 @@
 import dataclasses
 import enum
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float, Int, PyTree
 
 from jaxsat.core.array_types import IntScalar
 from jaxsat.simulation.assessment import Assessment, IntegrationError
@@ -83,6 +84,20 @@ class Signals(eqx.Module):
         """The signals with these parts added to their own."""
         additions = {name: value for one in parts for name, value in one.items()}
         return dataclasses.replace(self, parts=self.parts | additions)
+
+
+class Details(NamedTuple):
+    """The loop's own state at the end of the run, the number of its steps, the time from which its
+    inertial rate alone was within the tolerance (s, infinite if never), and ∫|T_i| dt by body axis
+    and of the ideal torque that holds the third rate, None where that is free (N m s); NaN where
+    the run did not reach its end. `forced` counts adaptive steps taken in spite of their error."""
+
+    final: PyTree
+    steps: Int[Array, "*n"]
+    at_rest_from: Float[Array, "*n"]
+    effort: Float[Array, "*n 3"]
+    constraint_effort: Float[Array, "*n"] | None
+    forced: Int[Array, "*n"] | None = None
 
 
 class Trajectory(eqx.Module):

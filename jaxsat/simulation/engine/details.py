@@ -1,35 +1,17 @@
 """Additional outputs of a single run."""
 
-from typing import TYPE_CHECKING, NamedTuple
-
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Float, PyTree
 
 from jaxsat.core.array_types import IntScalar, RealScalar
 from jaxsat.core.tolerances import SettlingTracker
+from jaxsat.simulation.engine.progress import Progress
 from jaxsat.simulation.loops import AbstractLoop
-from jaxsat.simulation.trajectory import Outcome
+from jaxsat.simulation.trajectory import Details, Outcome
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
-if TYPE_CHECKING:
-    from jaxsat.simulation.engine.progress import Progress
 
-
-class Details(NamedTuple):
-    """The loop's own state at the end of the run, the number of its steps, the time from which its
-    inertial rate alone was within the tolerance (s, infinite if never), and ∫|T_i| dt by body axis
-    and of the ideal torque that holds the third rate, None where that is free (N m s); NaN where
-    the run did not reach its end. `forced` counts adaptive steps taken in spite of their error."""
-
-    final: PyTree
-    steps: Int[Array, "*n"]
-    at_rest_from: Float[Array, "*n"]
-    effort: Float[Array, "*n 3"]
-    constraint_effort: Float[Array, "*n"] | None
-    forced: Int[Array, "*n"] | None = None
-
-
-def with_details(progress: "Progress", loop: AbstractLoop, torques: int) -> "Progress":
+def with_details(progress: Progress, loop: AbstractLoop, torques: int) -> Progress:
     """Progress at time zero with the records for `Details`, of this number of torques."""
     zero = progress.integrals.cost
     count = torques + loop.plant.third_rate_held
@@ -40,7 +22,7 @@ def with_details(progress: "Progress", loop: AbstractLoop, torques: int) -> "Pro
 
 
 def details_of(
-    progress: "Progress",
+    progress: Progress,
     loop: AbstractLoop,
     final: PyTree,
     end: RealScalar,

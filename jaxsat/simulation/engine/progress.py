@@ -16,11 +16,10 @@ from jaxsat.core.quotients import reciprocal
 from jaxsat.core.tolerances import SettlingTracker, Tolerances
 from jaxsat.core.trigonometry import cos
 from jaxsat.simulation.assessment import IntegrationError, JudgedSignals, stop_gradient
-from jaxsat.simulation.engine.details import Details
 from jaxsat.simulation.engine.failure_record import FailureRecord
 from jaxsat.simulation.held_torque import HeldTorque, Unmade
 from jaxsat.simulation.requirements import Margin, Monitor
-from jaxsat.simulation.trajectory import Outcome, Signals
+from jaxsat.simulation.trajectory import Details, Outcome, Signals
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
