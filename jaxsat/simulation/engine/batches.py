@@ -59,11 +59,29 @@ class AbstractBatchEngine(AbstractEngine):
     ) -> CostGradient:
         """Outputs of a padded batch and the derivatives of its costs."""
 
+    @no_collection()
     def traced(
         self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
     ) -> dict[str, Jaxpr]:
-        """The operations of a batch."""
-        return _traced_batch(self, program, cases, gains, mode)
+        """The operations of a batch.
+
+        The numbers of engine and program are inputs. JAX keeps the traces of compiled functions, so
+        the first run of such a batch is not traced again.
+        """
+        engine, program, gains = strong((self, program, gains))
+        numbers, rest = eqx.partition((engine, program), eqx.is_array)
+
+        def of_batch(array: Any) -> jax.ShapeDtypeStruct:
+            kind = jax.dtypes.canonicalize_dtype(array.dtype)
+            return jax.ShapeDtypeStruct((self.padded_size, *array.shape[1:]), kind)
+
+        def run(numbers, cases, gains):
+            engine, program = eqx.combine(numbers, rest)
+            if mode is None:
+                return engine.run_batch(program, cases, gains)
+            return engine.differentiate_batch(program, cases, gains, mode)
+
+        return {"batch": jaxpr_of(run, numbers, jax.tree.map(of_batch, cases), gains)}
 
     def operations(
         self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
@@ -102,28 +120,3 @@ class AbstractBatchEngine(AbstractEngine):
     def _pad(self, batch: np.ndarray) -> Array:
         missing = self.padded_size - len(batch)
         return jnp.asarray(np.concatenate([batch, np.repeat(batch[:1], missing, axis=0)]))
-
-
-@no_collection()
-def _traced_batch(
-    engine: AbstractBatchEngine, program: Program, cases: PyTree, gains: PyTree, mode: Mode | None
-) -> dict[str, Jaxpr]:
-    """The operations of one batch of an engine that XLA compiles.
-
-    The numbers of engine and program are inputs. JAX keeps the traces of compiled functions, so the
-    first run of such a batch is not traced again.
-    """
-    engine, program, gains = strong((engine, program, gains))
-    numbers, rest = eqx.partition((engine, program), eqx.is_array)
-
-    def of_batch(array: Any) -> jax.ShapeDtypeStruct:
-        kind = jax.dtypes.canonicalize_dtype(array.dtype)
-        return jax.ShapeDtypeStruct((engine.padded_size, *array.shape[1:]), kind)
-
-    def run(numbers, cases, gains):
-        engine, program = eqx.combine(numbers, rest)
-        if mode is None:
-            return engine.run_batch(program, cases, gains)
-        return engine.differentiate_batch(program, cases, gains, mode)
-
-    return {"batch": jaxpr_of(run, numbers, jax.tree.map(of_batch, cases), gains)}

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.core.array_types import RealScalar
-from jaxsat.core.solvers import Solver, class_name, known_class
+from jaxsat.core.solvers import NamedSolver, Solver, class_name, known_class
 from jaxsat.simulation.engine.root_finding import polynomial
 from jaxsat.simulation.engine.runge_kutta import tableau_of, weighted
 
@@ -122,39 +122,7 @@ def dense_output(solver: Solver) -> AbstractDenseOutput:
     The last stage of all three is at the end of the step, in the state there.
     """
     name = known_class(solver)
-    if name == "Tsit5":
-        return Quartic(_tsit5_middle())
-    weights = np.asarray(tableau_of(solver).dense)
-    if name == "Dopri5":
-        return Quartic(tuple(weights.tolist()))
-    return Sextic(tuple(map(tuple, weights.T[::-1].tolist())))  # from falling powers
-
-
-def _tsit5_middle() -> tuple[float, ...]:
-    """Weights of the stages in the middle of a step.
-
-    Source: the factored polynomials in section 5 of Tsitouras, Comput. Math. Appl. 62 (2011).
-    """
-    half = 0.5
-
-    def quadratic(linear, constant):
-        return (half - linear) * half + constant
-
-    return (
-        -1.0530884977290216
-        * half
-        * (half - 1.3299890189751412)
-        * quadratic(1.4364028541716351, 0.7139816917074209),
-        0.1017 * half**2 * quadratic(2.1966568338249754, 1.2949852507374631),
-        2.490627285651252793 * half**2 * quadratic(2.38535645472061657, 1.57803468208092486),
-        -16.54810288924490272
-        * half**2
-        * (half - 1.21712927295533244)
-        * (half - 0.61620406037800089),
-        47.37952196281928122
-        * half**2
-        * (half - 1.203071208372362603)
-        * (half - 0.658047292653547382),
-        -34.87065786149660974 * half**2 * (half - 1.2) * (half - 2 / 3),
-        2.5 * half**2 * (half - 1.0) * (half - 0.6),
-    )
+    weights = np.asarray(tableau_of(NamedSolver(name.lower())).dense)
+    if name == "Dopri8":
+        return Sextic(tuple(map(tuple, weights.T[::-1].tolist())))  # from falling powers
+    return Quartic(tuple(weights.tolist()))

@@ -25,7 +25,7 @@ from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 class Tableau(NamedTuple):
     """Butcher tableau: stage coefficients, nodes, weights of solution and error, and the order.
 
-    `dense` are the coefficients of the dense output as diffrax has them, for Dopri5 and Dopri8.
+    `dense` are the coefficients of the dense output of the named solvers that have one.
     """
 
     a_lower: tuple[np.ndarray, ...]
@@ -58,11 +58,10 @@ def tableau_of(solver: Solver) -> Tableau:
             "Argument `solver` must be an explicit Runge-Kutta solver of diffrax, "
             f"but got {class_name(solver)}."
         )
-    order, interpolation = solver.order(None), solver.interpolation_cls
+    order = solver.order(None)
     assert own is not None
     assert order is not None
-    dense = getattr(interpolation, "c_mid", getattr(interpolation, "eval_coeffs", None))
-    return Tableau(own.a_lower, own.c, own.b_sol, own.b_error, order, dense)
+    return Tableau(own.a_lower, own.c, own.b_sol, own.b_error, order)
 
 
 @once

@@ -49,24 +49,24 @@ class ScanEngine(AbstractBatchEngine):
         """Outputs of one batch."""
         work = (self.stepper, program.of_any_length(), cases, gains)
         number = jnp.array(program.intervals)
-        progress = _advance(*work, _begin(*work), jnp.array(0), number)
-        return _finish(*work, progress, number)
+        progress = _of_cases("advance", *work, _of_cases("begin", *work), jnp.array(0), number)
+        return _of_cases("finish", *work, progress, number)
 
     def observe_batch(
         self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
     ) -> tuple[Outputs, Signals]:
         """Outputs of one batch, stopped at these intervals for observation."""
         work = (self.stepper, program.of_any_length(), cases, gains)
-        progress = _begin(*work)
+        progress = _of_cases("begin", *work)
         history = []
         behind = progress.seen is not None
         for before, number in itertools.pairwise([0, *stops(instants.tolist(), behind)]):
             first, count = jnp.array(before), jnp.array(number - before)
-            progress = _advance(*work, progress, first, count)
-            signals = _observe(*work, progress, jnp.array(number))
+            progress = _of_cases("advance", *work, progress, first, count)
+            signals = _of_cases("observe", *work, progress, jnp.array(number))
             history.append(jax.tree.map(np.asarray, signals))  # JAX would compile a stack of them
         signals = jax.tree.map(lambda *parts: np.stack(parts, axis=1), *history)
-        outputs = _finish(*work, progress, jnp.array(program.intervals))
+        outputs = _of_cases("finish", *work, progress, jnp.array(program.intervals))
         return outputs, with_ranges_ahead(signals, behind)
 
     def differentiate_batch(
@@ -81,37 +81,21 @@ class ScanEngine(AbstractBatchEngine):
         return _gradient(self.stepper, program, cases, gains, mode)
 
 
-def _map_cases(method, stepper, program, cases, gains, *progress):
-    """The results of a stepper's method for the cases of a batch."""
+@eqx.filter_jit
+def _of_cases(
+    method: str, stepper, program, cases, gains, progress: Progress | None = None, *numbers
+):
+    """The results of a stepper's method for the cases of a batch, all with the same numbers."""
+    last = (CASES,) if method == "advance" else ()
 
-    def one(case, *progress):
+    def one(case, progress):
         case = program.case_factory(case, gains)
-        return method(stepper_for(stepper, case.loop), program, case, *progress)
+        before = () if progress is None else (progress,)
+        return getattr(stepper_for(stepper, case.loop), method)(
+            program, case, *before, *numbers, *last
+        )
 
-    return jax.vmap(one, axis_name=CASES)(cases, *progress)
-
-
-@eqx.filter_jit
-def _begin(*work):
-    return _map_cases(lambda stepper, *rest: stepper.begin(*rest), *work)
-
-
-@eqx.filter_jit
-def _advance(*work_and_bounds):
-    *work, first, count = work_and_bounds
-    return _map_cases(lambda stepper, *rest: stepper.advance(*rest, first, count, CASES), *work)
-
-
-@eqx.filter_jit
-def _finish(*work_and_number):
-    *work, number = work_and_number
-    return _map_cases(lambda stepper, *rest: stepper.finish(*rest, number), *work)
-
-
-@eqx.filter_jit
-def _observe(*work_and_number):
-    *work, number = work_and_number
-    return _map_cases(lambda stepper, *rest: stepper.observe(*rest, number), *work)
+    return jax.vmap(one, axis_name=CASES)(cases, progress)
 
 
 @eqx.filter_jit

@@ -146,11 +146,7 @@ class ForwardModePhases(AbstractPhases):
 
     def advance(self, fixed, moving, numbers, first, count):
         """Values and derivatives after `count` intervals from number `first` on."""
-
-        def values(both):
-            return self._plain.advance(both[0], both[1], numbers, first, count)
-
-        return self._along(values, fixed, moving)
+        return self._along(self._plain.advance, fixed, moving, numbers, first, count)
 
     @property
     def paced(self) -> bool:
@@ -159,11 +155,7 @@ class ForwardModePhases(AbstractPhases):
 
     def attempt(self, fixed, moving, numbers, first, count):
         """Values and derivatives after one attempted step."""
-
-        def values(both):
-            return self._plain.attempt(both[0], both[1], numbers, first, count)
-
-        return self._along(values, fixed, moving)
+        return self._along(self._plain.attempt, fixed, moving, numbers, first, count)
 
     def going(self, fixed, moving, numbers, first, count):
         """Whether the trajectory is unfinished."""
@@ -171,23 +163,21 @@ class ForwardModePhases(AbstractPhases):
 
     def finish(self, fixed, moving, numbers, first, count):
         """Outputs, and the derivatives of the cost."""
-
-        def values(both):
-            return self._plain.finish(both[0], both[1], numbers, first, count)
-
-        outputs, derivatives = self._along(values, fixed, moving)
+        phase = (self._plain.finish, fixed, moving, numbers, first, count)
+        outputs, derivatives = self._along(*phase)
         return CostGradient(outputs, derivatives.cost)
 
     def observe(self, fixed, moving, numbers, number):
         """Signals at the beginning of interval `number`."""
         return self._plain.observe(fixed[0], moving[0], numbers, number)
 
-    def _along(self, values: Callable, fixed, moving):
+    def _along(self, phase: Callable, fixed, moving, *rest):
+        """Value and derivatives of a phase of the program itself."""
         (x, d_x), (y, d_y) = fixed, moving
         leaves = jax.tree.leaves(d_x)
         moves = iter(self._moved[-len(leaves) :] if leaves else [])
         d_x = jax.tree.map(lambda d: d if next(moves) else None, d_x)
-        return _push_forward(values, (x, y), (d_x, d_y))
+        return _push_forward(lambda both: phase(*both, *rest), (x, y), (d_x, d_y))
 
 
 def _push_forward(function: Callable, x: PyTree, directions: PyTree) -> tuple[PyTree, PyTree]:
