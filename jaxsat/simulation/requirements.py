@@ -257,38 +257,6 @@ def _windows(formula: Formula, end: RealScalar, failures: Float[Array, " f"]):
     return of, windows
 
 
-@eqx.filter_jit
-def _saved_margin(formula, times, signals, failures, sun) -> Margin:
-    margins = jax.vmap(partial(compared, formula))(signals, sun)
-    end = times[-1]
-
-    def step(monitor, instant):
-        time, here = instant
-        return observe(formula, monitor, time, here, end, failures), None
-
-    start = initial_monitor(formula, times[0], margins[0], len(failures))
-    monitor, _ = jax.lax.scan(step, start, (times, margins))
-    return margin_of(formula, monitor, end, failures)
-
-
-def saved_margin(
-    formula: Formula,
-    times: Float[np.ndarray, " times"],
-    signals: Mapping[str, ArrayLike],
-    failures: np.ndarray,
-    light: Sunlight | None = None,
-) -> Margin:
-    """The margin of a formula from the signals (times, ...) of a run at saved times (s).
-
-    `failures` are failure times (s), ignored after the last saved time. `light` gives the direction
-    of the Sun, which formulas with a `sun_angle` need.
-    """
-    arrays = {name: jnp.asarray(signals[name]) for name in raw_signals(formula)}
-    sun = None if light is None else jax.vmap(lambda t: light(t)[0])(jnp.asarray(times))
-    at = jnp.asarray(failures, float).reshape(-1)
-    return _saved_margin(formula, jnp.asarray(times), arrays, at, sun)
-
-
 class Requirements(eqx.Module):
     """Requirements on every case of a program, evaluated up to its `end` (s).
 
@@ -337,3 +305,37 @@ class Requirements(eqx.Module):
             for formula, monitor in zip(self.formulas, monitors, strict=True)
         ]
         return Margin(*(jnp.stack(parts) for parts in zip(*several, strict=True)))
+
+    def after_history(
+        self,
+        times: Float[Array, " times"],
+        signals: Mapping[str, Array],
+        failures: Float[Array, " f"],
+    ) -> Margin:
+        """The margin of each formula after a whole history (times, ...), NaN after its end."""
+
+        def one(monitors, instant):
+            return self.observe(monitors, *instant, failures), None
+
+        begin = self.initial(times[0], failures.size)
+        monitors, _ = jax.lax.scan(one, begin, (times, signals))
+        return self.margins(monitors, failures)
+
+
+def saved_margin(
+    formula: Formula,
+    times: Float[np.ndarray, " times"],
+    signals: Mapping[str, ArrayLike],
+    failures: np.ndarray,
+    light: Sunlight | None = None,
+) -> Margin:
+    """The margin of a formula from the signals (times, ...) of a run at saved times (s).
+
+    `failures` are failure times (s), ignored after the last saved time. `light` gives the direction
+    of the Sun, which formulas with a `sun_angle` need.
+    """
+    arrays = {name: jnp.asarray(signals[name]) for name in raw_signals(formula)}
+    at, instants = jnp.asarray(failures, float).reshape(-1), jnp.asarray(times)
+    alone = Requirements(("",), (formula,), instants[-1], light)
+    margins = eqx.filter_jit(Requirements.after_history)(alone, instants, arrays, at)
+    return jax.tree.map(lambda x: x[0], margins)

@@ -263,10 +263,8 @@ class SampledLoop(AbstractLoop):
     ) -> OfEach:
         """The plan of each effector for the period that begins at time `t` (s)."""
         parts = zip(self.plant.effectors, uses, state.effectors, strict=True)
-        more = (self.controller.period, self.delay)
-        if decision is None:
-            return tuple(one.plan(t, use, own, *more) for one, use, own in parts)
-        return tuple(one.plan_guarded(t, use, own, *more, decision) for one, use, own in parts)
+        more = (self.controller.period, self.delay, decision)
+        return tuple(one.plan(t, use, own, *more) for one, use, own in parts)
 
     def _before(self, state: SampledState, commands: OfEach) -> OfEach:
         """Commands until a sample's own are ready: the last ones, unless plans include the

@@ -112,24 +112,14 @@ class AbstractHeldEffector(eqx.Module):
         memory: PyTree,
         period: RealScalar,
         delay: RealScalar | None,
+        decision: Decision | None = None,
     ) -> PyTree:
         """Return the plan of the period (s) that begins at time `t` (s), for a law's command `use`.
 
-        The command is ready `delay` s after the begin; None is zero.
+        The command is ready `delay` s after the begin; None is zero. By its `decision` a law may
+        skip a step; `use` is the command then, too.
         """
         return use
-
-    def plan_guarded(
-        self,
-        t: RealScalar,
-        use: Float[Array, " size"],
-        memory: PyTree,
-        period: RealScalar,
-        delay: RealScalar | None,
-        decision: Decision,
-    ) -> PyTree:
-        """Return the plan where the law may skip a step; `use` is the command then, too."""
-        return self.plan(t, use, memory, period, delay)
 
     def begin(self, plan: PyTree) -> PyTree:
         """Return the running totals of a plan at the begin of its period."""

@@ -197,29 +197,23 @@ class PulsedThrusters(AbstractEffector):
         """Return the memory of the modulation."""
         return memory.modulation
 
-    def plan(self, t, use, memory, period, delay) -> PulsePlan:
-        """Return the commanded pulses, shifted by the delays of the valves."""
-        pulses, modulation = self._pulses(use, memory.modulation, period)
-        return self._plan_of(t, pulses, modulation, memory, period, delay)
+    def plan(self, t, use, memory, period, delay, decision=None) -> PulsePlan:
+        """Return the commanded pulses, shifted by the delays of the valves.
 
-    def plan_guarded(self, t, use, memory, period, delay, decision) -> PulsePlan:
-        """Return a plan; without a step it has the pulses of the last period, or none.
-
-        The modulator's memory then stays. Raises `ValueError` without remembered pulses (`late`).
+        Where the law makes no step they are the pulses of the last period, or none, and the
+        modulator's memory stays. Raises `ValueError` for a delay, or a law that may make no step,
+        without remembered pulses (`late`).
         """
-        if memory.pulses is None:
-            raise ValueError("Argument `late` must be true for a loop with a guard.")
         pulses, modulation = self._pulses(use, memory.modulation, period)
-        again = jax.tree.map(lambda x: jnp.where(decision.held, x, 0), memory.pulses)
-        pulses, modulation = jax.tree.map(
-            lambda new, old: jnp.where(decision.steps, new, old),
-            (pulses, modulation),
-            (again, memory.modulation),
-        )
-        return self._plan_of(t, pulses, modulation, memory, period, delay)
-
-    def _plan_of(self, t, pulses: Pulses, modulation, memory, period, delay) -> PulsePlan:
-        """Return the plan of commanded pulses, with the modulator's next memory."""
+        if decision is not None:
+            if memory.pulses is None:
+                raise ValueError("Argument `late` must be true for a loop with a guard.")
+            again = jax.tree.map(lambda x: jnp.where(decision.held, x, 0), memory.pulses)
+            pulses, modulation = jax.tree.map(
+                lambda new, old: jnp.where(decision.steps, new, old),
+                (pulses, modulation),
+                (again, memory.modulation),
+            )
         acts = pulses.off > pulses.on
         late = self._lateness(t, period, delay) if self.late else jnp.zeros_like(memory.openings)
         failures = self.failures

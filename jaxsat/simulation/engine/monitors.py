@@ -68,16 +68,8 @@ def margins_of_history(
     """The margins of a whole history, NaN after the end of the run; None without requirements."""
     if requirements is None:
         return None
-    failures = _failure_times(loop)
     arrays = {name: one for name, one in vars(signals).items() if isinstance(one, jax.Array)}
-
-    def one(monitors, instant):
-        t, here = instant
-        return requirements.observe(monitors, t, here, failures), None
-
-    begin = requirements.initial(times[0], failures.size)
-    monitors, _ = jax.lax.scan(one, begin, (times, arrays | signals.parts))
-    return requirements.margins(monitors, failures)
+    return requirements.after_history(times, arrays | signals.parts, _failure_times(loop))
 
 
 def _failure_times(loop: AbstractLoop) -> Float[Array, " f"]:
