@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxsat.studies.distribution_functions import f_quantile
-from jaxsat.studies.statistics import LEVEL, Interval
+from jaxsat.studies.statistics import LEVEL, Interval, f_quantile
 
 UNKNOWN = Interval(float("nan"), float("nan"), float("nan"))
 

@@ -37,7 +37,7 @@ from jaxsat.simulation.engine import runge_kutta
 from jaxsat.simulation.engine.native import kept
 from jaxsat.spacecraft.environment.orbit import CircularOrbit, DipoleField
 from jaxsat.store.provenance import _processor, _versions
-from jaxsat.studies import designs, distribution_functions, run, statistics
+from jaxsat.studies import designs, run, statistics
 from jaxsat.synthesis.comparison.acceptance import ComparisonSetting, comparison_scenario
 from jaxsat.synthesis.tuning import descent
 from studies.studies import tumbling
@@ -79,7 +79,7 @@ FUNCTIONS = [
     (plugins.installed, lambda: (plugins.ESTIMATOR,)),
     (designs._hypercube, lambda: (0, "a", 10, 2)),
     (statistics._order_statistics, lambda: (100, 95.0)),
-    (distribution_functions.f_quantile, lambda: (3, 20, 0.9)),
+    (statistics.f_quantile, lambda: (3, 20, 0.9)),
     (guesses.random_numbers, lambda: (4,)),
     (periodic_gain._gains, lambda: (pickle.dumps((motion_with_rods(), 0.3, 1.0)),)),
     (periodic_gain._multipliers, lambda: (closed_loop_of_rods(),)),

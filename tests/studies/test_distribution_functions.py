@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import special, stats
 
-from jaxsat.studies.distribution_functions import binomial, f_quantile, incomplete_beta
+from jaxsat.studies.statistics import binomial, f_quantile, incomplete_beta
 
 
 @pytest.mark.parametrize("count", [1, 2, 30, 1000, 10**6])
