@@ -309,7 +309,7 @@ class Requirements(eqx.Module):
     def after_history(
         self,
         times: Float[Array, " times"],
-        signals: Mapping[str, Array],
+        signals: Mapping[str, Array | np.ndarray],
         failures: Float[Array, " f"],
     ) -> Margin:
         """The margin of each formula after a whole history (times, ...), NaN after its end."""
@@ -337,5 +337,9 @@ def saved_margin(
     arrays = {name: jnp.asarray(signals[name]) for name in raw_signals(formula)}
     at, instants = jnp.asarray(failures, float).reshape(-1), jnp.asarray(times)
     alone = Requirements(("",), (formula,), instants[-1], light)
-    margins = eqx.filter_jit(Requirements.after_history)(alone, instants, arrays, at)
-    return jax.tree.map(lambda x: x[0], margins)
+    return jax.tree.map(lambda x: x[0], _after_history(alone, instants, arrays, at))
+
+
+@eqx.filter_jit
+def _after_history(requirements: Requirements, times, signals, failures) -> Margin:
+    return requirements.after_history(times, signals, failures)

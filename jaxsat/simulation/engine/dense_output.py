@@ -1,7 +1,7 @@
 """Dense output: the state within a step, from the stages of its method."""
 
 import abc
-from typing import ClassVar
+from typing import ClassVar, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -121,7 +121,7 @@ def dense_output(solver: Solver) -> AbstractDenseOutput:
 
     The last stage of all three is at the end of the step, in the state there.
     """
-    name = known_class(solver)
+    name = cast(str, known_class(solver))
     weights = np.asarray(tableau_of(NamedSolver(name.lower())).dense)
     if name == "Dopri8":
         return Sextic(tuple(map(tuple, weights.T[::-1].tolist())))  # from falling powers

@@ -3,7 +3,6 @@
 diffrax is imported on use.
 """
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple, cast
 
@@ -25,25 +24,23 @@ from jaxsat.simulation.engine.progress import (
     Outputs,
     Progress,
     initial_progress,
-    judged_at,
     outputs_of,
     peaks_of,
 )
 from jaxsat.simulation.engine.rates import (
+    HoldSteps,
     consumption,
     continuous_loop,
-    held_rate,
+    judge_of,
     plant_state,
     running_cost,
     within_limit,
 )
-from jaxsat.simulation.engine.runge_kutta import HalvedSteps, Span
 from jaxsat.simulation.held_torque import HeldTorque, Unmade
 from jaxsat.simulation.loops import AbstractContinuousLoop, Motion
 from jaxsat.simulation.methods import Adjoint, Method, step_size_for
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.simulation.trajectory import Outcome, Signals
-from jaxsat.spacecraft.dynamics import PlantState
 
 
 class Integrated(NamedTuple):
@@ -162,39 +159,30 @@ def _either_mode(solver: AbstractSolver) -> AbstractSolver:
     )
 
 
-class _SampledRecord(NamedTuple):
-    """Record of a sampled run: its integrals, settling and rest, the torques of the period, and the
-    error of the steps."""
-
-    integrals: Integrals
-    settled: SettlingTracker
-    rest: SettlingTracker | None
-    held: HeldTorque
-    error: IntegrationError | None
-
-    def at(self, t, plant: PlantState, program: Program, loop: SampledLoop) -> "_SampledRecord":
-        """The record with one more observation of the plant."""
-        observation = JudgedSignals.of(loop.plant, plant)
-        since = (self.settled, self.rest)
-        tracker, rest = judged_at(since, t, observation, program.tolerances)
-        return self._replace(settled=tracker, rest=rest)
-
-
 def _run_sampled(program: Program, case: Case, times, solver: AbstractSolver) -> Integrated:
     """Run all periods. A state past the limit is discarded: the last good one stays."""
     loop, zero = cast(SampledLoop, case.loop), jnp.zeros((), times.dtype)
     progress_at_zero, none = _initial(program, case), HeldTorque.none(case.start.omega)
 
+    def alone(rate, begin, length, count: int, state):
+        carry = (state, None)
+        return _equal_steps(rate, begin, length, count, carry, solver, lambda none, *_: none)[0]
+
+    judge = judge_of(program, loop)
+    integrate = HoldSteps(program, loop, partial(_equal_steps, solver=solver, judge=judge), alone)
+
     def period(running, sample):
-        (number, t), (state, record, code) = sample, running
-        through = partial(_over_hold, program, loop, solver, number)
-        following, carried, signals = loop.period(number, t, state, through, record)
+        (number, t), (state, carry, code) = sample, running
+        through = partial(integrate, number)
+        following, (integrals, since, held, error), signals = loop.period(
+            number, t, state, through, carry
+        )
         kept_finite = loop.controller.judged(following.memory)
         good = within_limit(following.plant, program.state_limit, kept_finite)
-        observation = (signals, carried.held)
+        observation = (signals, held)
         observation = jax.tree.map(lambda x: jnp.where(code == 0, x, jnp.nan), observation)
         code = jnp.where(good, code, int(Outcome.STATE_LIMIT))
-        new, old = (following, carried._replace(held=none)), (state, record)
+        new, old = (following, (integrals, since, none, error)), (state, carry)
         last_good = jax.tree.map(lambda x, y: jnp.where(code == 0, x, y), new, old)
         return (*last_good, code), observation
 
@@ -202,21 +190,22 @@ def _run_sampled(program: Program, case: Case, times, solver: AbstractSolver) ->
     rest = SettlingTracker.initial(times[0], 1) if program.detailed else None
     error = IntegrationError.none(case.start.omega) if program.error_every else None
     integrals = progress_at_zero.integrals._replace(cost=zero)
-    record = _SampledRecord(integrals, tracker, rest, none, error)
-    record = record.at(times[0], case.start, program, loop)
-    first = (loop.start(case.start), stop_gradient(record), jnp.array(int(Outcome.SUCCESS)))
+    since = judge((tracker, rest), times[0], (case.start, None))
+    carry = stop_gradient((integrals, since, none, error))
+    first = (loop.start(case.start), carry, jnp.array(int(Outcome.SUCCESS)))
     count = times.size - 1
     samples = (jnp.arange(count), times[:-1])
-    (state, record, code), (signals, holds) = jax.lax.scan(period, first, samples)
+    (state, carry, code), (signals, holds) = jax.lax.scan(period, first, samples)
+    integrals, (tracker, rest), _, error = carry
     last = loop.signals(jnp.array(count), times[-1], state)
     last = jax.tree.map(lambda x: jnp.where(code == 0, x, jnp.nan), last)
     signals = jax.tree.map(lambda x, y: jnp.concatenate([x, y[None]]), signals, last)
     progress = progress_at_zero._replace(
         state=state,
-        integrals=record.integrals,
-        settled=record.settled,
-        rest=record.rest,
-        error=record.error,
+        integrals=integrals,
+        settled=tracker,
+        rest=rest,
+        error=error,
         code=code,
         steps=jnp.array(count * loop.substeps),
         failures=_failures(program, case, times, signals),
@@ -225,49 +214,22 @@ def _run_sampled(program: Program, case: Case, times, solver: AbstractSolver) ->
     return Integrated(_outputs(program, case, progress, times, signals), signals, holds)
 
 
-def _over_hold(program: Program, loop: SampledLoop, solver, number, t, hold, plant, record):
-    """The plant and the record at the end of a hold of a period that begins at time `t` (s)."""
-
-    def observe(record, now, both):
-        return record.at(now, both[0], program, loop)
-
-    def alone(rate, begin, length, count: int, state):
-        return _equal_steps(solver, rate, begin, length, count, state, lambda none, *_: none, ())[0]
-
-    both, rate = (plant, record.integrals), held_rate(program, loop, hold, t, plant)
-    length, steps = hold.length, loop.substeps
-    (after, integrals), record = _equal_steps(solver, rate, t, length, steps, both, observe, record)
-    same, still = stop_gradient((loop, hold))
-    estimate = HalvedSteps(program, alone, steps, loop.plant, lambda now, plant: plant)
-    error = estimate.after(
-        record.error,
-        number,
-        lambda now, plant: same.motion(now, plant, still, now - t).rate,
-        Span(t, length, plant, after),
-    )
-    first = loop.motion(t, plant, hold, jnp.zeros_like(length)).torque
-    last = loop.motion(t + length, after, hold, length).torque
-    torques = record.held.with_hold(*stop_gradient((length, first, last)))
-    return after, record._replace(integrals=integrals, held=torques, error=error)
-
-
-def _equal_steps(
-    solver, rate: Callable, begin, length, count: int, state, observe: Callable, record
-):
-    """The state after this many equal steps of diffrax, with the end of each recorded."""
+def _equal_steps(rate, begin, length, count: int, carry, solver, judge):
+    """The state after equal steps of diffrax, and trackers, judged at the end of each."""
     import diffrax
 
     term, step = diffrax.ODETerm(lambda t, state, args: rate(t, state)), length / count
 
     def one(number, carry):
-        before, inner, record = carry
+        before, inner, since = carry
         t = begin + number * step
         after, _, _, inner, _ = solver.step(term, t, t + step, before, None, inner, made_jump=False)
-        return after, inner, observe(record, t + step, after)
+        return after, inner, judge(since, t + step, after)
 
-    carry = (state, solver.init(term, begin, begin + step, state, None), record)
-    after, _, record = jax.lax.fori_loop(0, count, one, carry)
-    return after, record
+    (state, since) = carry
+    first = (state, solver.init(term, begin, begin + step, state, None), since)
+    after, _, since = jax.lax.fori_loop(0, count, one, first)
+    return after, since
 
 
 def _initial(program: Program, case: Case) -> Progress:

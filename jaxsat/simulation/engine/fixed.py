@@ -19,17 +19,17 @@ from jaxsat.simulation.engine.program import Case, Program
 from jaxsat.simulation.engine.progress import (
     Outputs,
     Progress,
-    Since,
     initial_progress,
     judged_at,
     outputs_of,
     with_peaks,
 )
 from jaxsat.simulation.engine.rates import (
+    HoldSteps,
     augmented_rate,
     consumption,
     continuous_loop,
-    held_rate,
+    judge_of,
     plant_state,
     within_limit,
 )
@@ -73,7 +73,7 @@ class FixedStepper(AbstractStepper):
     def advance(self, program, case, progress, first, count, axis_name=None):
         """The progress after `count` intervals."""
         loop = continuous_loop(case)
-        rate, judge = augmented_rate(program, loop), _judge(program, loop)
+        rate, judge = augmented_rate(program, loop), judge_of(program, loop)
         tableau, plant_at = tableau_of(self.solver), stop_gradient(loop).plant_state
         estimate = HalvedSteps(
             program, partial(_steps_alone, tableau), self.substeps, loop.plant, plant_at
@@ -162,28 +162,9 @@ class SampledStepper(AbstractStepper):
     ) -> Progress:
         """The progress after `count` periods; a detailed program keeps the signals of the first of
         those `sampled` (from one number to another), also if there is none, and sums of means."""
-        tableau, judge = tableau_of(self.solver), _judge(program, loop)
-        alone = partial(_steps_alone, tableau)
-        estimate = HalvedSteps(program, alone, loop.substeps, loop.plant, lambda t, plant: plant)
-
-        def integrate(number, t, hold, plant, carry):
-            integrals, since, held, error = carry
-            rate, both = held_rate(program, loop, hold, t, plant), (plant, integrals)
-            plant_before = plant
-            first = loop.motion(t, plant, hold, jnp.zeros_like(hold.length)).torque
-            (plant, integrals), since = _equal_steps(
-                tableau, rate, t, hold.length, loop.substeps, (both, since), judge
-            )
-            last = loop.motion(t + hold.length, plant, hold, hold.length).torque
-            held = held.with_hold(*stop_gradient((hold.length, first, last)))
-            same, still = stop_gradient((loop, hold))
-            error = estimate.after(
-                error,
-                number,
-                lambda now, plant: same.motion(now, plant, still, now - t).rate,
-                Span(t, hold.length, plant_before, plant),
-            )
-            return plant, (integrals, since, held, error)
+        tableau, judge = tableau_of(self.solver), judge_of(program, loop)
+        steps = partial(_equal_steps, tableau, judge=judge)
+        integrate = HoldSteps(program, loop, steps, partial(_steps_alone, tableau))
 
         def period(i, progress):
             progress, number = restored(progress), first + i
@@ -247,16 +228,6 @@ def _initial(program: Program, case: Case) -> Progress:
 def _sampled_loop(case: Case) -> SampledLoop:
     assert isinstance(case.loop, SampledLoop)
     return case.loop
-
-
-def _judge(program: Program, loop: AbstractLoop):
-    """Function that updates settling and rest at the begin of a step."""
-
-    def judge(since: Since, t, both) -> Since:
-        state = both[0] if isinstance(loop, SampledLoop) else plant_state(loop, t, both[0])
-        return judged_at(since, t, JudgedSignals.of(loop.plant, state), program.tolerances)
-
-    return judge
 
 
 def _equal_steps(tableau, rate, t, length, count: int, carry, judge):

@@ -1,15 +1,19 @@
-"""Right-hand sides of loops whose cost and effort are integrated along with the state."""
+"""Rates of loops with their integrals of cost and effort, and equal steps through holds."""
 
 import dataclasses
+from collections.abc import Callable
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from jaxsat.core.array_types import RealScalar, Vector
+from jaxsat.simulation.assessment import JudgedSignals, stop_gradient
 from jaxsat.simulation.engine.details import effort_rates
 from jaxsat.simulation.engine.program import Case, Program
-from jaxsat.simulation.engine.progress import Integrals, RunningCost
+from jaxsat.simulation.engine.progress import Integrals, RunningCost, Since, judged_at
+from jaxsat.simulation.engine.runge_kutta import HalvedSteps, Span
 from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
@@ -84,6 +88,50 @@ def held_rate(
         return plant_rate, Integrals(cost, effort)
 
     return rate
+
+
+def judge_of(program: Program, loop: AbstractLoop):
+    """Function that updates settling and rest by the state between two steps."""
+
+    def judge(since: Since, t, both) -> Since:
+        state = both[0] if isinstance(loop, SampledLoop) else plant_state(loop, t, both[0])
+        return judged_at(since, t, JudgedSignals.of(loop.plant, state), program.tolerances)
+
+    return judge
+
+
+class HoldSteps(NamedTuple):
+    """Equal steps through the holds of a sampled loop, with the torque and the error in each.
+
+    `steps` returns the state, and trackers of settling and rest, after equal steps from a rate, an
+    initial time (s), a length (s), the number of steps, state and trackers; `alone` the state
+    without trackers, see `HalvedSteps`.
+    """
+
+    program: Program
+    loop: SampledLoop
+    steps: Callable
+    alone: Callable
+
+    def __call__(self, number, t, hold: Hold, plant: PlantState, carry: tuple):
+        """The plant and the carry after a hold that begins at time `t` (s) in period `number`."""
+        (integrals, since, held, error), loop, length = carry, self.loop, hold.length
+        rate, count = held_rate(self.program, loop, hold, t, plant), loop.substeps
+        first = loop.motion(t, plant, hold, jnp.zeros_like(length)).torque
+        (after, integrals), since = self.steps(rate, t, length, count, ((plant, integrals), since))
+        last = loop.motion(t + length, after, hold, length).torque
+        held = held.with_hold(*stop_gradient((length, first, last)))
+        same, still = stop_gradient((loop, hold))
+        estimate = HalvedSteps(
+            self.program, self.alone, count, loop.plant, lambda now, plant: plant
+        )
+        error = estimate.after(
+            error,
+            number,
+            lambda now, plant: same.motion(now, plant, still, now - t).rate,
+            Span(t, length, plant, after),
+        )
+        return after, (integrals, since, held, error)
 
 
 def within_limit(state: PyTree, limit: RealScalar, *finite: PyTree) -> Array:
