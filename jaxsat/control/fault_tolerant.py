@@ -2,6 +2,7 @@
 
 import dataclasses
 import enum
+import math
 from typing import Annotated, ClassVar, NamedTuple, cast
 
 import equinox as eqx
@@ -10,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.diagnosis.diagnosis import Diagnosis, DiagnosisMemory, false_alarm_rate
-from jaxsat.control.diagnosis.residual import Reading
+from jaxsat.control.diagnosis.residual import Reading, believed
 from jaxsat.control.diagnosis.rod_fit import Outside
 from jaxsat.control.quaternion_feedback import QuaternionFeedback, QuaternionFeedbackMemory
 from jaxsat.control.reconfiguration import Left
@@ -42,6 +43,10 @@ from jaxsat.spacecraft.wheels import wheel_momentum
 DISPLACED, DISPLACED_MORE = 0.005, 0.05
 """Attitude error (rad) that torques which unload wheels may cause: a constant, and a part of the
 attitude's distance from its target."""
+
+NEGLIGIBLE = math.radians(0.02)
+"""Attitude error (rad) by pulses against a steady torque of which twice is left, and four times
+is corrected."""
 
 PARALLEL = 1e-6
 """Singular value of unit axes below which a direction counts as not driven."""
@@ -231,15 +236,10 @@ class FaultTolerant(AbstractSampledController):
     ) -> tuple[Vector, QuaternionFeedbackMemory]:
         """Return the torque (N m) of a law, slower about an axis, with gyroscopic compensation.
 
-        The law reads the mean rate where pulses oppose the torque of a failed actuator.
+        The law reads the mean rate where pulses oppose a steady torque.
         """
         stored, law, slower = self._stored(sample.reading), sample.law, sample.law
-        flows, early = jnp.array(False), jnp.zeros(3)
-        for one, now in left.kinds:
-            flows, early = flows | one.flows(now), early + one.early(now, self.period)
-        early = jnp.where(flows, law.model.spacecraft.inverse_inertia @ early, 0.0)
-        rate = sample.state.omega + early
-        sample = sample._replace(state=dataclasses.replace(sample.state, omega=rate))
+        sample = self._of_mean_rate(sample, left)
         if self.rods is not None and left.axis is not None:
             law, slower = self.rods.slowed(sample, left.axis, cast(Vector, stored))
         torque, after = law.step(sample.t, sample.state, before)
@@ -249,6 +249,21 @@ class FaultTolerant(AbstractSampledController):
         if stored is not None:
             torque = torque + jnp.cross(sample.state.omega, stored)
         return torque, after
+
+    def _of_mean_rate(self, sample: Sample, left: _Left) -> Sample:
+        """Return the sample with the mean rate of a period, as far as pulses that begin it and
+        oppose a steady torque would point the law off: by 2ζ a (T/2) / Ω for an acceleration a."""
+        law, early, steady = sample.law, jnp.zeros(3), jnp.zeros(3)
+        for one, now in left.kinds:
+            early, steady = (
+                early + one.early(now, self.period),
+                steady + one.steady(now, self.period),
+            )
+        inverse = law.model.spacecraft.inverse_inertia
+        offset = law.damping * self.period / law.natural_frequency * (inverse @ steady)
+        part = believed(jnp.sum((offset / NEGLIGIBLE) ** 2))
+        rate = sample.state.omega + part * (inverse @ early)
+        return sample._replace(state=dataclasses.replace(sample.state, omega=rate))
 
     def _stored(self, reading: Reading) -> Vector | None:
         """Return the momentum (N m s) that all kinds store; None where none can."""

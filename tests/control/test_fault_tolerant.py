@@ -318,15 +318,36 @@ def test_a_valve_stuck_on_is_opposed_where_seven_others_can():
     assert np.all(np.isfinite(found["settling_time"]))
 
 
+STUCK_AT = (
+    "dispersion.failure_kind={distribution='discrete', values=[3], weights=[1]}",
+    "control.period_s=0.4",
+    "simulation.save_every_s=2",
+)
+"""Failures that leave a torque, and a period so long that the offset is 1.9 degrees."""
+
+FROM_OUTSIDE = (
+    "disturbance.constant_N_m=[2.5e-3, -2.5e-3, 0]",
+    "dispersion.failure_time_s={distribution='uniform', low=5000, high=6000}",
+    "dispersion.inertia={distribution='uniform', low=0, high=1e-6}",
+    "dispersion.torque_gain={distribution='uniform', low=0, high=1e-6}",
+    "dispersion.misalignment_rad={distribution='uniform', low=0, high=1e-6}",
+    "simulation.duration_s=900",
+)
+"""30 % of a thruster's torque and no errors of the model, so that an offset of 0.47 degrees is all
+that is left."""
+
+
 @pytest.mark.slow
-def test_pulses_against_a_stuck_thruster_leave_no_offset():
+@pytest.mark.filterwarnings("ignore:.*strike")
+@pytest.mark.parametrize(
+    ("changes", "median", "most"), [(STUCK_AT, 0.3, 0.8), (FROM_OUTSIDE, 0.06, 0.1)]
+)
+def test_pulses_against_a_steady_torque_leave_no_offset(changes, median, most):
     """Pulses begin their period, so samples see the rate a (T/2 - c) with a mean of zero, which the
-    law took for a rotation: it pointed 2 ζ a (T/2 - c) / ω_n off, here 1.9 degrees."""
-    stuck_at = "dispersion.failure_kind={distribution='discrete', values=[3], weights=[1]}"
-    scenario = load("failures-12u", [stuck_at, "control.period_s=0.4", "simulation.save_every_s=2"])
-    found = build_study(scenario, 16, seed=5).values(np.arange(16))
-    assert np.median(found["pointing_error"]) < 0.3
-    assert np.max(found["pointing_error"]) < 0.8
+    law took for a rotation: it pointed 2 ζ a (T/2 - c) / ω_n off."""
+    found = build_study(load("failures-12u", changes), 16, seed=5).values(np.arange(16))
+    assert np.median(found["pointing_error"]) < median
+    assert np.max(found["pointing_error"]) < most
 
 
 def test_modes_of_the_laws_that_fly_under_it_are_numbers_of_its_own():
