@@ -315,7 +315,8 @@ class Requirements(eqx.Module):
         """The margin of each formula after a whole history (times, ...), NaN after its end."""
 
         def one(monitors, instant):
-            return self.observe(monitors, *instant, failures), None
+            time, here = instant
+            return self.observe(monitors, time, here, failures), None
 
         begin = self.initial(times[0], failures.size)
         monitors, _ = jax.lax.scan(one, begin, (times, signals))
