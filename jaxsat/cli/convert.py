@@ -160,7 +160,7 @@ def _convert(
 
 
 def _file(path: Path, to: str) -> bytes:
-    from jaxsat.cli.formats import FORMATS, FormatError
+    from jaxsat.cli.conversion import FORMATS, FormatError
     from jaxsat.store.dataset import open_trajectory
     from jaxsat.store.tables import open_study
 

@@ -13,12 +13,11 @@ from jaxsat.core.declaration.keys import Key
 from jaxsat.core.declaration.laws import value_of
 from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.flight import interface
-from jaxsat.flight.calls import drawn_calls, expected_of_calls
+from jaxsat.flight.calls import drawn_calls, expected_of_calls, function_calls
 from jaxsat.flight.cfs import cfs_app, table_cautions
 from jaxsat.flight.flight import CannotExport, FlightController, flight_loop
 from jaxsat.flight.fmu import UNIT, unit_file, unit_sources
 from jaxsat.flight.fprime import fprime_component
-from jaxsat.flight.function_calls import function_calls
 from jaxsat.flight.guard import first_attitude, groups, guard_header, real_type
 from jaxsat.flight.guard_source import guard_source
 from jaxsat.flight.harness import (
@@ -30,22 +29,27 @@ from jaxsat.flight.harness import (
     vectors_file,
 )
 from jaxsat.flight.measure import BOUND_SCRIPTS, ProcessorUse, measured
-from jaxsat.flight.parameters import parameters_header, parameters_source
-from jaxsat.flight.plan import plan_code, plan_files, plan_table
-from jaxsat.flight.program import FlightProgram, flight_program
-from jaxsat.flight.readme import readme
-from jaxsat.flight.recording import (
-    recorded_flight,
-    recording_program,
-    recording_text,
-    rounding,
+from jaxsat.flight.parameters import (
+    parameters_header,
+    parameters_source,
+    plan_code,
+    plan_files,
+    plan_table,
 )
+from jaxsat.flight.program import FlightProgram, flight_program
+from jaxsat.flight.readme import readme, trace_table
 from jaxsat.flight.reference import Reference
 from jaxsat.flight.search import NoSearch, found_calls
 from jaxsat.flight.source import header, source
 from jaxsat.flight.templates import DEVIATIONS, template
-from jaxsat.flight.trace_table import trace_table
-from jaxsat.flight.vectors import Vectors, vectors
+from jaxsat.flight.vectors import (
+    Vectors,
+    recorded_flight,
+    recording_program,
+    recording_text,
+    rounding,
+    vectors,
+)
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState

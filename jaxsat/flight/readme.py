@@ -1,10 +1,15 @@
-"""README.md of an export."""
+"""README.md of an export, and trace.csv: the Python origin of each function of controller.c."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+import jaxsat
+from jaxsat.compiler.c.naming import line_of
+from jaxsat.core.text import csv_text
 from jaxsat.flight.guard import RATE_LIMIT, groups, status_bits
 from jaxsat.flight.interface import is_of_plan
 from jaxsat.flight.measure import DEAREST, ProcessorUse
@@ -14,6 +19,7 @@ from jaxsat.flight.vectors import EDGES, Vectors
 
 if TYPE_CHECKING:
     from jaxsat.flight.files import Request
+
 
 SHOWN = 12
 """Numbers of an array that the table of parameters shows; controller.c has all."""
@@ -141,3 +147,37 @@ def _parameters(program: FlightProgram) -> str:
         text = str(value.tolist()) if value.size <= SHOWN else f"{value.size} numbers"
         lines.append(f"| `{field.path}` | {text} |")
     return "\n".join(lines)
+
+
+COLUMNS = ("function", "line", "part_of", "python_function", "python_file", "python_line")
+
+_HEAD = re.compile(r"^(?!typedef|struct)\w[^;{}=#/]*?\b(\w+)\([^;{}]*?\)\s*\{$", re.M)
+
+
+def trace_table(program: FlightProgram, code: str) -> str:
+    """Return a row for each function of a program's C text, in the order of that text.
+
+    A function made of several equal Python functions has a row for each. A part has the Python
+    function of the whole. The interface, elementary functions and operations on numbers and arrays
+    have none.
+    """
+    rows: list[Sequence[object]] = [COLUMNS]
+    for match in _HEAD.finditer(code):
+        name, line = match[1], code.count("\n", 0, match.start()) + 1
+        whole = program.wholes.get(name, "")
+        places = {
+            (one.name, _short(one.file), line_of(one.file, one.name))
+            for one in program.origins.get(whole or name, ())
+        }
+        here = sorted(places, key=str) or [("", "", None)]
+        rows += [(name, line, whole, *place) for place in here]
+    return csv_text(rows)
+
+
+def _short(file: str) -> str:
+    """Return a file from its package on, or its name alone."""
+    path, root = Path(file), Path(jaxsat.__file__).parent.parent
+    if path.is_relative_to(root):
+        return path.relative_to(root).as_posix()
+    above, packages, inside = path.as_posix().rpartition("/site-packages/")
+    return inside if above and packages else path.name

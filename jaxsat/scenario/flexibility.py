@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxsat.core.declaration.flexible_modes import FLEXIBLE_MODE
 from jaxsat.scenario.errors import Issue, Location
-from jaxsat.scenario.parts.actuator import names_of
+from jaxsat.scenario.parts.named import names_of
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario
 

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from jaxsat.core.allocation import BASIS_TOLERANCE, least_squares_map
 from jaxsat.scenario.derived import command_torques, ideal_shares
 from jaxsat.scenario.errors import Issue, Location
-from jaxsat.scenario.parts.actuator import names_of
+from jaxsat.scenario.parts.named import names_of
 from jaxsat.scenario.parts.torque_makers import TorqueMakers, signs
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import working_axes

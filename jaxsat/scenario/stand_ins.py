@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
 from jaxsat.scenario.errors import Location
-from jaxsat.scenario.parts.actuator import type_name
+from jaxsat.scenario.parts.named import type_name
 from jaxsat.scenario.parts.registry import TABLES, TYPES
 from jaxsat.scenario.parts.wheels import SPEEDS
 from jaxsat.scenario.schema import Scenario

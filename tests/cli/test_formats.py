@@ -11,7 +11,7 @@ import scipy.io
 import xarray as xr
 
 from helpers.pages import run_dataset
-from jaxsat.cli.formats import (
+from jaxsat.cli.conversion import (
     KEYWORDS,
     FormatError,
     csv_file,

@@ -12,8 +12,8 @@ from jaxsat.flight import vectors
 from jaxsat.flight.fmu import HEADERS, SOURCES, unit_file, unit_period, unit_sources
 from jaxsat.flight.interface import parameters, rows
 from jaxsat.flight.program import flight_program
-from jaxsat.flight.recording import recorded_flight
 from jaxsat.flight.reference import Reference
+from jaxsat.flight.vectors import recorded_flight
 from tests.flight.controllers import TRACKER, estimating, few_samples, filtered, sources
 
 fmpy = pytest.importorskip("fmpy")

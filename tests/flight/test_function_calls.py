@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.flight.function_calls import SIZES, function_calls
+from jaxsat.flight.calls import SIZES, function_calls
 from jaxsat.flight.program import flight_program
 from jaxsat.flight.source import source
 from tests.flight.laws import loop_of, start

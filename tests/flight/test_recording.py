@@ -9,9 +9,9 @@ import pytest
 
 from jaxsat.flight.harness import records_header
 from jaxsat.flight.program import flight_program
-from jaxsat.flight.recording import recorded_flight, recording_program, recording_text, rounding
 from jaxsat.flight.reference import Reference
 from jaxsat.flight.source import header, source
+from jaxsat.flight.vectors import recorded_flight, recording_program, recording_text, rounding
 from tests.flight.folders import write_files
 from tests.flight.laws import Filtered, loop_of, start
 

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from jaxsat.flight.program import flight_program
+from jaxsat.flight.readme import trace_table
 from jaxsat.flight.source import source
-from jaxsat.flight.trace_table import trace_table
 from tests.flight import laws
 from tests.flight.laws import Sliced, loop_of, start
 from tests.flight.traced import check_trace

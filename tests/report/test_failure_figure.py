@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from jaxsat.report.failure_figure import failure_figure, phases
+from jaxsat.report.figures import failure_figure, phases
 
 SCENARIO = """
 [[failure]]

@@ -12,8 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from jaxsat.compiler.passes.call_tree import Node, call_tree, nodes_of, place_of
-from jaxsat.compiler.passes.sharing import Values, without_repeated_calls
+from jaxsat.compiler.passes.call_tree import (
+    Node,
+    Values,
+    call_tree,
+    nodes_of,
+    place_of,
+    without_repeated_calls,
+)
 from jaxsat.compiler.trace import Frame
 from jaxsat.core.fingerprint import parameter_text
 from jaxsat.core.jax_internals import CALL

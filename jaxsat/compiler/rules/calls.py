@@ -3,6 +3,7 @@
 import functools
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -10,6 +11,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Shaped
 
+from jaxsat.compiler import ir
 from jaxsat.compiler.builder import Builder
 from jaxsat.compiler.ir import Function, Scalar, Source, Value, numbers_of, uses
 from jaxsat.compiler.lowering import (
@@ -22,7 +24,6 @@ from jaxsat.compiler.lowering import (
     written,
 )
 from jaxsat.compiler.passes.dead_code import without_dead_code
-from jaxsat.compiler.passes.forms import form_of
 from jaxsat.core.jax_internals import CALL
 
 
@@ -256,3 +257,62 @@ def _composed(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
     ]
     function = COMPOSED[eqn.name](**eqn.parameters)
     return written(b, function, shapes, *arrays)
+
+
+def form_of(function: ir.Function) -> tuple:
+    """Return the form of a function that reads no values from outside but its arguments."""
+    return _Form().of(function)
+
+
+class _Form:
+    """Numbers of values and memories in the order in which a function names them."""
+
+    def __init__(self):
+        self._numbers: dict[int, int] = {}
+
+    def of(self, function: ir.Function) -> tuple:
+        params = self._scalars(function.params)
+        block = self._block(function.block)
+        return params, block, self._scalars(function.results), repr(function.source)
+
+    def _block(self, block: ir.Block) -> tuple:
+        return tuple(map(self._step, block.steps))
+
+    def _step(self, step: ir.Step) -> tuple:
+        match step:
+            case ir.Operation(name=name, args=args, out=out):
+                return (name, self._scalars(args), self._scalar(out))
+            case ir.Load(memory=memory, index=index, out=out):
+                return ("load", self._memory(memory), self._scalars([index, out]))
+            case ir.Store(memory=memory, index=index, value=value):
+                return ("store", self._memory(memory), self._scalars([index, value]))
+            case ir.Call(function=function, args=args, outs=outs):
+                return ("call", id(function), self._scalars(args), self._scalars(outs))
+            case ir.BlockSwitch(index=index, blocks=blocks, yields=yields, outs=outs):
+                parts = [
+                    (self._block(block), self._scalars(results))
+                    for block, results in zip(blocks, yields, strict=True)
+                ]
+                names = tuple(step.names.items())
+                head = self._scalar(index), step.cold, names
+                return ("switch", head, tuple(parts), self._scalars(outs))
+            case ir.Loop(params=params, before=before, condition=test, body=body):
+                head = self._scalars(before), self._scalars(params)
+                tested = self._block(test), self._scalar(step.active)
+                return ("loop", head, tested, self._block(body), self._scalars(step.after))
+
+    def _scalars(self, scalars: Sequence[ir.Scalar]) -> tuple:
+        return tuple(map(self._scalar, scalars))
+
+    def _scalar(self, x: ir.Scalar) -> Any:
+        if isinstance(x, ir.Value):
+            return (x.dtype.char, x.uniform, self._number(x.number))
+        return (x.dtype.char, x.tobytes())
+
+    def _memory(self, memory: ir.Memory) -> tuple:
+        initial = None if memory.initial is None else memory.initial.tobytes()
+        kind = memory.dtype.char, memory.size, memory.uniform, initial
+        return (*kind, self._scalars(memory.elements), self._number(memory.number))
+
+    def _number(self, number: int) -> int:
+        return self._numbers.setdefault(number, len(self._numbers))

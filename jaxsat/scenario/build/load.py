@@ -38,7 +38,7 @@ def load(
     scenario = read(name_or_path, overrides, law=law, trial=trial, caution=caution)
     if purpose in ("run", "study"):
         from jaxsat.scenario.build.actuator_set import borderline_words
-        from jaxsat.scenario.build.full_wheels import full_wheels_words
+        from jaxsat.scenario.build.balance import full_wheels_words
 
         for words in (borderline_words(scenario), full_wheels_words(scenario)):
             if words is not None:

@@ -13,9 +13,8 @@ from jaxsat.core.declaration.actuators import EFFECTORS
 from jaxsat.core.declaration.disturbances import DISTURBANCES
 from jaxsat.core.earth import EARTH_OBLATENESS, epoch_of
 from jaxsat.scenario.build.plugin_trial import made_part, require_torque
-from jaxsat.scenario.parts.actuator import number_of
 from jaxsat.scenario.parts.disturbances import DisturbanceTable
-from jaxsat.scenario.parts.named import PartTable
+from jaxsat.scenario.parts.named import PartTable, number_of
 from jaxsat.scenario.parts.orbit import OrbitTable
 from jaxsat.scenario.plugins import DISTURBANCE, find_part
 from jaxsat.scenario.quantities import inertia_matrix, values_of

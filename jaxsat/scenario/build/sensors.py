@@ -19,8 +19,8 @@ from jaxsat.core.noise import key_of_seed
 from jaxsat.scenario.build.plant import gravity_gradient, orbit_of, orbit_rate, sensor_context
 from jaxsat.scenario.build.plugin_trial import made_part, require_estimates
 from jaxsat.scenario.derived import has_invalid_momenta, predicts_by_dynamics
-from jaxsat.scenario.parts.actuator import number_of
 from jaxsat.scenario.parts.estimator import OwnEstimatorTable
+from jaxsat.scenario.parts.named import number_of
 from jaxsat.scenario.parts.sensors import SamplingTable
 from jaxsat.scenario.plugins import ESTIMATOR, find_part
 from jaxsat.scenario.schema import Scenario

@@ -20,7 +20,7 @@ from jaxsat.scenario.build.plant import orbit_rate, sunlight_of
 from jaxsat.scenario.build.run import Run, build, build_tolerances
 from jaxsat.scenario.dispersion_tables import DispersionTable
 from jaxsat.scenario.errors import MissingTable
-from jaxsat.scenario.parts.actuator import names_of
+from jaxsat.scenario.parts.named import names_of
 from jaxsat.scenario.parts.torque_makers import signs
 from jaxsat.scenario.resolution import Errors, refined
 from jaxsat.scenario.schema import Scenario

@@ -13,8 +13,8 @@ from jaxsat.core.declaration.failures import FailureKind, failure_kind
 from jaxsat.core.declaration.sensors import GYRO
 from jaxsat.scenario.build.plant import sensor_context
 from jaxsat.scenario.derived import command_torques, has_invalid_samples, thruster_costs
-from jaxsat.scenario.parts.actuator import number_of
 from jaxsat.scenario.parts.failures import FailureTable
+from jaxsat.scenario.parts.named import number_of
 from jaxsat.scenario.parts.thrusters import ModulationTable, ThrusterTable, modulation_kind
 from jaxsat.scenario.parts.torque_makers import TorqueMakers, signs, working_torques
 from jaxsat.scenario.quantities import inertia_matrix

@@ -13,7 +13,7 @@ from jaxsat.core.errors import ArgumentError
 from jaxsat.core.text import suggestion
 from jaxsat.scenario.derived import predicts_by_dynamics
 from jaxsat.scenario.errors import Issue, Location
-from jaxsat.scenario.parts.actuator import names_of, number_of
+from jaxsat.scenario.parts.named import names_of, number_of
 from jaxsat.scenario.quantities import (
     Line,
     ScenarioTable,

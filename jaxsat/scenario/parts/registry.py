@@ -8,7 +8,7 @@ from jaxsat.core.declaration.law import LawDeclaration
 from jaxsat.core.declaration.laws import LAWS
 from jaxsat.core.text import suggestion
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.parts.actuator import names_of, table_of_device, table_of_type, type_name
+from jaxsat.scenario.parts.named import names_of, table_of_device, table_of_type, type_name
 from jaxsat.scenario.parts.thrusters import ThrusterTable
 from jaxsat.scenario.parts.wheels import WheelTable
 from jaxsat.scenario.quantities import ScenarioTable

@@ -11,7 +11,7 @@ from jaxsat.core.declaration.actuators import ACTUATORS, STEERED
 from jaxsat.core.declaration.thrusters import THRUSTER
 from jaxsat.core.ranges import SECONDS
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.parts.actuator import table_of_device
+from jaxsat.scenario.parts.named import table_of_device
 from jaxsat.scenario.parts.torque_makers import TorqueMakers
 from jaxsat.scenario.quantities import Number, ScenarioTable, choice, quantity, within
 from jaxsat.scenario.rules import at, rule, rule_over, sampled_laws

@@ -10,7 +10,7 @@ from jaxsat.core.declaration.actuators import ACTUATORS, STEERED
 from jaxsat.core.declaration.wheels import WHEEL
 from jaxsat.core.ranges import SECONDS, Range
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.parts.actuator import number_of, table_of_device
+from jaxsat.scenario.parts.named import number_of, table_of_device
 from jaxsat.scenario.parts.torque_makers import (
     MISSING,
     Tables,

@@ -24,9 +24,13 @@ from jaxsat.scenario.control import known_law, required_law
 from jaxsat.scenario.errors import key_of
 from jaxsat.studies.changes import controller_of
 from jaxsat.studies.dispersions import number_at
-from jaxsat.synthesis.controller_design.control_period import control_period
 from jaxsat.synthesis.controller_design.request import ALL, QUICK
-from jaxsat.synthesis.controller_design.vehicle import Scale, VehicleVerdict, scale_of
+from jaxsat.synthesis.controller_design.vehicle import (
+    Scale,
+    VehicleVerdict,
+    control_period,
+    scale_of,
+)
 
 QUICK_PERIOD = 0.05
 """Control period over τ up to which one third-order step per period is accurate enough."""

@@ -85,7 +85,7 @@ def _figures(design: ControllerDesign) -> "dict[str, Figure | Callable[[], Figur
     from jaxsat.report.figure_painter import paint
     from jaxsat.report.study_figures import study_drawings
     from jaxsat.report.tuning_document import gain_plots, loss_plots
-    from jaxsat.synthesis.tuning.history import history_dataset
+    from jaxsat.synthesis.tuning.checkpoint import history_dataset
 
     assert design.verification is not None
     assert design.scenario is not None

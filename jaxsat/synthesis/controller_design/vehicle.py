@@ -1,4 +1,4 @@
-"""Capability of a vehicle with failures: verdict, attitudes that it can hold, unit of time.
+"""Capability of a vehicle with failures: verdict, attitudes that it can hold, unit of time, period.
 
 `turned` is the same vehicle with another target attitude.
 """
@@ -17,6 +17,8 @@ from jaxsat.controllability.judgement import Judgement
 from jaxsat.controllability.wording import lost_words, verdict_sentence
 from jaxsat.core.allocation import torque_directions
 from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.declaration.laws import Law
+from jaxsat.core.declaration.tuned_gains import STEPS
 from jaxsat.core.errors import JaxsatError
 from jaxsat.core.inertia import normal_axes
 from jaxsat.scenario import Scenario
@@ -25,10 +27,12 @@ from jaxsat.scenario.build.balance import turn_to_held, undriven_balance
 from jaxsat.scenario.build.plant import orbit_rate
 from jaxsat.scenario.build.run import build_start
 from jaxsat.scenario.cautions import HELD_TURN
-from jaxsat.scenario.derived import believed_axes, torque_limit
+from jaxsat.scenario.control import known_law
+from jaxsat.scenario.derived import believed_axes, has_sensors, torque_limit
 from jaxsat.scenario.holding import nearest_held
 from jaxsat.scenario.parts.wheels import inertia_of
 from jaxsat.scenario.quantities import inertia_matrix
+from jaxsat.scenario.resolution import fastest
 
 
 class UnsuitableVehicle(JaxsatError, ValueError):
@@ -268,3 +272,49 @@ def _rotate_inertia(moments: Any, back: Float[np.ndarray, "3 3"]) -> tuple[tuple
 
 def _plain(values: np.ndarray) -> tuple[float, ...]:
     return tuple(values.tolist())
+
+
+PERIOD = 0.1
+"""Control period (s) of a law that has none by default."""
+
+LARGEST_STEP, LARGEST_ANGLE = STEPS[0], 0.08
+"""Up to which a period is made longer: parts of τ, and radians of the fastest motion.
+
+So it is on the acceptance set at 1 N m, with 0.1 s. Gains of shorter periods are the same; longer
+periods settle later.
+"""
+
+QUICKEST = 0.8
+"""Largest natural frequency of a candidate, over 1/τ."""
+
+
+def control_period(scenario: Scenario, law: Law, scale: Scale, orbital: Law | None = None) -> float:
+    """Return the period (s) that the scenario gives; or the law's own, longer for slow bodies.
+
+    Beside sensors it is not made longer, as they give their noise per sample. Where magnetorquers
+    decide, it is that of the law `orbital`, which is made for them, or shorter, so that the
+    quickest candidate turns by at most `LARGEST_ANGLE`.
+    """
+    usual, control, own_law = _usual(law), scenario.control, known_law(scenario.control.law)
+    period = getattr(control, "period_s", None) or usual
+    if own_law is None or period != _usual(own_law):
+        return period
+    if law.declaration.takes_orbits:
+        return usual
+    if "period_s" in control.model_fields_set:
+        return period
+    if orbital is not None:
+        longest = min(_usual(orbital), LARGEST_ANGLE / QUICKEST * scale.time)
+    elif has_sensors(scenario):
+        return usual
+    else:
+        motion = fastest(scenario)
+        by_motion = math.inf if motion is None else LARGEST_ANGLE / motion.rate
+        longest = min(LARGEST_STEP * scale.time, by_motion)
+    return float(f"{usual * max(1, math.floor(longest / usual)):.6g}")
+
+
+def _usual(law: Law) -> float:
+    """Return the default period (s) of a law."""
+    defaults = [key.default for key in law.declaration.keys if key.name == "period_s"]
+    return PERIOD if defaults in ([], [...]) else defaults[0]

@@ -23,9 +23,13 @@ from jaxsat.synthesis.tuning.baselines import (
     run_baselines,
 )
 from jaxsat.synthesis.tuning.build import build_plan, tuned_scenario
-from jaxsat.synthesis.tuning.checkpoint import stored_state, tuning_folder, write_state
+from jaxsat.synthesis.tuning.checkpoint import (
+    history_dataset,
+    stored_state,
+    tuning_folder,
+    write_state,
+)
 from jaxsat.synthesis.tuning.descent import DescentProgress, DescentState, descend, initial_state
-from jaxsat.synthesis.tuning.history import history_dataset
 from jaxsat.synthesis.tuning.plan import TuningPlan
 from jaxsat.synthesis.tuning.receipt import Receipt, make_receipt
 from jaxsat.synthesis.tuning.verdict import TuningVerdict, make_verdict

@@ -12,7 +12,7 @@ from jaxsat.core.declaration.failures import FRACTION
 from jaxsat.core.errors import JaxsatError
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build
-from jaxsat.scenario.parts.actuator import names_of
+from jaxsat.scenario.parts.named import names_of
 from jaxsat.simulation.loops import AbstractLoop, failures_of
 from jaxsat.studies.dispersion_problems import limits_of
 from jaxsat.synthesis.comparison.acceptance import validated

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxsat.scenario.build.full_wheels import full_wheels_words
+from jaxsat.scenario.build.balance import full_wheels_words
 from jaxsat.scenario.build.load import load
 
 GRAVITY, RADIUS = 3.986004418e14, 6378137.0

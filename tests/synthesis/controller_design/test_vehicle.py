@@ -26,12 +26,17 @@ from jaxsat.synthesis.controller_design.candidates import (
     written_out,
 )
 from jaxsat.synthesis.controller_design.completion import completed
-from jaxsat.synthesis.controller_design.control_period import control_period
 from jaxsat.synthesis.controller_design.explanation import stronger
 from jaxsat.synthesis.controller_design.lost_holds import design_cautions
 from jaxsat.synthesis.controller_design.request import ALL, QUICK, read_vehicle
 from jaxsat.synthesis.controller_design.tuning import tuning_table
-from jaxsat.synthesis.controller_design.vehicle import Scale, scale_of, turned, vehicle_verdict
+from jaxsat.synthesis.controller_design.vehicle import (
+    Scale,
+    control_period,
+    scale_of,
+    turned,
+    vehicle_verdict,
+)
 
 BARE = """
 [spacecraft]

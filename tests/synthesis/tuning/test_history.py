@@ -3,7 +3,7 @@
 import numpy as np
 
 from jaxsat.scenario import dump
-from jaxsat.synthesis.tuning.history import history_dataset
+from jaxsat.synthesis.tuning.checkpoint import history_dataset
 
 
 def test_the_history_has_gains_and_losses(scenario, plan, final):
