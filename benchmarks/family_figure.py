@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from jaxsat.report.style import FURTHER_LINES, LINES, MARKERS, SETTINGS, escape_mathematics
+from jaxsat.report.style import MARKERS, SETTINGS, STYLES, escape_mathematics
 
 LEAST_SHOWN = 5e-4
 """Fraction unsettled at which those with none are drawn."""
@@ -45,7 +45,7 @@ def _draw(axis: Any, rows: Sequence[Mapping[str, Any]], key: str, wanted: float)
         )
         shown = np.maximum(value, LEAST_SHOWN)
         ends = [shown - np.maximum(high, LEAST_SHOWN), np.maximum(low, LEAST_SHOWN) - shown]
-        style = (*LINES, *FURTHER_LINES)[number % 5]
+        style = STYLES[number % len(STYLES)]
         axis.errorbar(
             places,
             shown,

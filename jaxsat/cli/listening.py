@@ -1,9 +1,9 @@
 """Reports of a library function to the command line: progress, remarks, and the work ahead."""
 
+import contextlib
 import os
 import shutil
 from collections.abc import Callable, Container, Iterable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -116,7 +116,7 @@ def tuning_text(progress: "DescentProgress") -> str:
     )
 
 
-@contextmanager
+@contextlib.contextmanager
 def resumed_later(target: Path, what: str = "the results so far are in {}") -> Iterator[None]:
     """Make an interruption report that the content of `target`, if any, is resumed."""
     try:
@@ -144,6 +144,7 @@ def require_approval(parts: "Iterable[Work]", target: Path, *, yes: bool, quiet:
         for name in ("trajectories", "steps", "disk", "files")
     )
     memory = max(part.memory for part in parts)
+    free = _room(target, lambda place: shutil.disk_usage(place).free)
     text = (
         f"{trajectories:,} trajectories, {steps:,} steps, "
         f"about {_bytes(memory)} of memory and {_bytes(disk)} of disk in {files:,} files"
@@ -155,9 +156,9 @@ def require_approval(parts: "Iterable[Work]", target: Path, *, yes: bool, quiet:
             ("steps", steps, MAX_STEPS, f"{MAX_STEPS:,}"),
             ("memory", memory, MAX_MEMORY, _bytes(MAX_MEMORY)),
             ("disk", disk, MAX_DISK, _bytes(MAX_DISK)),
-            ("disk", disk, _free(target), "the free disk space"),
+            ("disk", disk, free, "the free disk space"),
             ("files", files, MAX_FILES, f"{MAX_FILES:,} (larger chunks make fewer)"),
-            ("files", files, _free_files(target), "what the disk has room for"),
+            ("files", files, _room(target, _files_at), "what the disk has room for"),
         )
         if value > most
     ]
@@ -168,25 +169,17 @@ def require_approval(parts: "Iterable[Work]", target: Path, *, yes: bool, quiet:
         print_stderr(f"work: {text}")
 
 
-def _free(target: Path) -> int | float:
-    """Return free bytes at a target's place; infinite where unknown."""
+def _room(target: Path, room_at: Callable[[Path], int | float]) -> int | float:
+    """Return the room at a target's place; infinite where unknown."""
     for place in (target, *target.absolute().parents):
-        try:
-            return shutil.disk_usage(place).free
-        except OSError:
-            continue
+        with contextlib.suppress(OSError, AttributeError):  # a missing place; not on Windows
+            return room_at(place)
     return float("inf")
 
 
-def _free_files(target: Path) -> int | float:
-    """Return the number of files that a target's place can still take; infinite where unknown."""
-    for place in (target, *target.absolute().parents):
-        try:
-            status = os.statvfs(place)
-        except (OSError, AttributeError):  # a missing place; not on Windows
-            continue
-        return status.f_favail if status.f_files else float("inf")
-    return float("inf")
+def _files_at(place: Path) -> int | float:
+    status = os.statvfs(place)
+    return status.f_favail if status.f_files else float("inf")
 
 
 def _bytes(number: int) -> str:

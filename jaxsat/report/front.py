@@ -8,7 +8,11 @@ from jaxsat.core.text import number_text
 from jaxsat.report.comparison_document import ENDS
 from jaxsat.report.document import Cell, Document, Facts, Table, Verdict
 from jaxsat.report.saving import save_figures
-from jaxsat.report.style import FURTHER_LINES, LINES, MARKERS, escape_mathematics, panels
+from jaxsat.report.style import MARKERS, STYLES, escape_mathematics, panels
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 UNITS = {"time": "s", "effort": "N m s"}
 
@@ -34,10 +38,6 @@ def bound_document(title: str, record: Mapping[str, Any]) -> Document:
     text = f"Least {record['objective']}: {value} {unit}, not certified."
     return Document(title, Verdict(None, text), [Facts("Best found", facts)])
 
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 WIDTH, HEIGHT, MOST_COLUMNS = 3.4, 3.0, 3
 
@@ -100,11 +100,11 @@ def front_figure(fronts: Sequence[dict[str, Any]], title: str) -> "Figure":
 def _draw(axis: "Axes", front: dict[str, Any], names: Sequence[str]) -> None:
     times = [one["duration_s"] for one in front["front"]]
     efforts = [one["effort_N_m_s"] for one in front["front"]]
-    style = {**LINES[0], "marker": "o", "markersize": 2.5}
+    style = {**STYLES[0], "marker": "o", "markersize": 2.5}
     axis.plot(
         times, efforts, label=f"least effort within the time, until {ENDS[front['end']]}", **style
     )
-    colors = [line["color"] for line in (*LINES[1:], *FURTHER_LINES)]
+    colors = [line["color"] for line in STYLES[1:]]
     settled = [one for one in front["laws"] if one["settled_from_s"] is not None]
     for one in settled:
         number = names.index(one["law"])

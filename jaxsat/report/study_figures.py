@@ -17,7 +17,7 @@ from jaxsat.core.declaration.units import shown_unit
 from jaxsat.report import study_plots
 from jaxsat.report.figure_painter import paint
 from jaxsat.report.saving import save_figures
-from jaxsat.report.style import LINES, panels
+from jaxsat.report.style import STYLES, panels
 from jaxsat.simulation.trajectory import Signals
 from jaxsat.store.tables import open_study
 from jaxsat.studies.ensemble import Study
@@ -68,7 +68,7 @@ def fan_chart(
             bounds = np.nanpercentile(alive_values, (low, high), axis=0)
             band = f"{low:g} to {high:g} %"
             panel.fill_between(t, *bounds, color=shade, linewidth=0, label=band)
-        panel.plot(t, np.nanmedian(alive_values, axis=0), label="median", **LINES[0])
+        panel.plot(t, np.nanmedian(alive_values, axis=0), label="median", **STYLES[0])
         panel.margins(x=0)
         if logarithmic:
             panel.set_yscale("log", nonpositive="mask")

@@ -9,13 +9,13 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from jaxsat.core.text import clean
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 class NotebookFigure(Figure):
@@ -34,25 +34,16 @@ LETTERS_PER_INCH = 10.4
 MAX_TITLE_LENGTH, MAX_LABEL_LENGTH = 200, 60
 """Largest numbers of characters that fit on a figure."""
 
-LINES: tuple[Mapping[str, Any], ...] = tuple(
+STYLES: tuple[Mapping[str, Any], ...] = tuple(
     MappingProxyType({"color": color, "linestyle": dash, "linewidth": width})
     for color, dash, width in (
         ("#000000", "-", 1.0),
         ("#D55E00", (0, (6, 2)), 1.2),
         ("#56B4E9", (0, (1.2, 1.2)), 1.7),
-    )
-)
-
-FURTHER_LINES: tuple[Mapping[str, Any], ...] = tuple(
-    MappingProxyType({"color": color, "linestyle": dash, "linewidth": width})
-    for color, dash, width in (
         ("#009E73", (0, (6, 1.5, 1.2, 1.5)), 1.2),
         ("#777777", (0, (3, 1, 1, 1, 1, 1)), 1.0),
     )
 )
-"""Styles of the fourth and fifth line of a panel."""
-
-STYLES = (*LINES, *FURTHER_LINES)
 MOST_LINES = len(STYLES)
 """Number of distinguishable lines; more signals are drawn as strips."""
 
@@ -86,7 +77,7 @@ SETTINGS: Mapping[str, Any] = MappingProxyType(
 )
 
 
-def set_title(figure: "Figure", title: str, top: float | None = None) -> None:
+def set_title(figure: Figure, title: str, top: float | None = None) -> None:
     """Give a figure a title as plain text: one line, without mathematics.
 
     Long titles are smaller, so that they fit. `top` is the position as a fraction of the height;
@@ -108,10 +99,6 @@ def panels(
     title: str, size: tuple[float, float], rows: int = 1, columns: int = 1
 ) -> "tuple[Figure, list[list[Axes]]]":
     """Return a figure of this size (inches) with a title, and its rows of panels."""
-    from matplotlib import rc_context
-
-    from jaxsat.report.style import NotebookFigure
-
     with rc_context(dict[Any, Any](SETTINGS)):
         figure = NotebookFigure(figsize=size, layout="constrained")
         axes = figure.subplots(rows, columns, squeeze=False)

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Annotated, Any, Literal, Union
+from typing import Annotated, Any, Literal, Self, Union
 
 import numpy as np
 from annotated_types import Ge, Gt, Interval, Le, Len
@@ -149,6 +149,13 @@ class ScenarioTable(BaseModel):
     """A frozen table of a scenario file that rejects unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+    def with_keys(self, table: str, **keys: Any) -> Self:
+        """Return a copy with unchecked values of keys in a table, such as "simulation.solver"."""
+        name, _, inner = table.partition(".")
+        part = getattr(self, name)
+        part = part.with_keys(inner, **keys) if inner else part.model_copy(update=keys)
+        return self.model_copy(update={name: part})
 
 
 def quantity(what: str, unit: str, default: Any = ..., **constraints: Any) -> Any:

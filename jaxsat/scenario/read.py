@@ -251,24 +251,12 @@ def _syntax_problem(name: str, text: str, message: str) -> Problem:
 
 def given_keys(name_or_path: str | Path, overrides: Iterable[str] = ()) -> set[str]:
     """Dotted keys, in SI, of a file and its overrides; none for an unreadable file."""
-    keys = _keys(_file_tables(name_or_path)) | {
-        text.partition("=")[0].strip() for text in overrides
-    }
-    return {spellings(key)[0] for key in keys}
-
-
-def _file_tables(name_or_path: str | Path) -> dict[str, Any]:
-    """Tables of the file; empty for an unreadable file, which `load` reports."""
-    scenarios = library()
     try:
-        if isinstance(name_or_path, str) and name_or_path in scenarios:
-            content = scenarios[name_or_path].read_bytes()
-        else:
-            with Path(name_or_path).open("rb") as file:
-                content = file.read(MAX_FILE_SIZE)
-        return tomllib.loads(content.decode())
-    except (OSError, ValueError, RecursionError):
-        return {}
+        data = _read(name_or_path).data
+    except ScenarioError:  # which `read` reports
+        data = {}
+    keys = _keys(data) | {text.partition("=")[0].strip() for text in overrides}
+    return {spellings(key)[0] for key in keys}
 
 
 def _keys(data: Any, prefix: str = "") -> set[str]:

@@ -153,9 +153,7 @@ def with_finer_steps(scenario: Scenario, errors: Errors) -> Scenario | None:
     periods = simulation.duration_s / min(_period(scenario), simulation.duration_s)
     if count > MOST_SUBSTEPS or count * periods > MOST_STEPS:
         return None
-    solver = simulation.solver.model_copy(update={"substeps": count})
-    changes = simulation.model_copy(update={"solver": solver})
-    return scenario.model_copy(update={"simulation": changes})
+    return scenario.with_keys("simulation.solver", substeps=count)
 
 
 def excessive_error(errors: Errors, scenario: Scenario) -> str:

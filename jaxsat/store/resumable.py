@@ -1,10 +1,13 @@
 """A folder that a command resumes; only jaxsat's own files are replaced, each whole."""
 
 import contextlib
+import io
 import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from jaxsat.store.files import OutputError, explained, read_or_explain
 from jaxsat.store.marker import Marker, abbreviated, remove_folder
@@ -93,6 +96,20 @@ class ResumableFolder:
         with explained(self.path / name, "written", more):
             (self.path / name).parent.mkdir(exist_ok=True)
             self._marker.write(name, data)
+
+    def read_arrays(self, name: str) -> dict[str, np.ndarray] | None:
+        """Return the arrays of an NPZ file as `read` returns its content."""
+        content = self.read(name)
+        if content is None:
+            return None
+        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+            return dict(arrays)
+
+    def write_arrays(self, name: str, arrays: Mapping[str, Any]) -> None:
+        """Write or replace an NPZ file as `write` does."""
+        buffer = io.BytesIO()
+        np.savez(buffer, **arrays)
+        self.write(name, buffer.getvalue())
 
     def _read_marker(self) -> Marker:
         marker = Marker.read(self.path)

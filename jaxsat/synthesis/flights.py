@@ -1,11 +1,9 @@
 """Flights that judge a requirement, batch by batch, in a folder by which the same call resumes."""
 
-import io
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-import jax
 import numpy as np
 from jaxtyping import Float, UInt32
 
@@ -70,11 +68,10 @@ class Flights:
     ) -> Float[np.ndarray, " cases"]:
         """Return the margins of the next batch; minus infinity for a case that ended early."""
         place = PLACE.format(len(self.batches))
-        content = self.folder.read(place)
-        batch = None if content is None else _unpacked(content)
+        batch = self.folder.read_arrays(place)
         if batch is None:
             batch = {"point": points, "noise": noise, **self._flown(points, noise)}
-            self.folder.write(place, _packed(batch))
+            self.folder.write_arrays(place, batch)
         elif not np.array_equal(batch["point"], points):
             raise OutputError(f"{self.folder.path} holds other flights; give another folder.")
         self.batches.append(batch)
@@ -136,25 +133,14 @@ def _kept(
         yield DRAWN + key, np.asarray(values)
 
 
-def _packed(batch: Batch) -> bytes:
-    file = io.BytesIO()
-    np.savez(file, **jax.tree.map(np.asarray, batch))
-    return file.getvalue()
-
-
-def _unpacked(content: bytes) -> Batch:
-    with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-        return {name: arrays[name] for name in arrays.files}
-
-
 def listed_flights(folder: ResumableFolder) -> tuple[np.ndarray, np.ndarray]:
     """Return points (flights, dimension) of all flights in a folder, and their noise seeds.
 
     Raises `OutputError` for a folder without flights.
     """
     batches: list[Batch] = []
-    while (content := folder.read(PLACE.format(len(batches)))) is not None:
-        batches.append(_unpacked(content))
+    while (batch := folder.read_arrays(PLACE.format(len(batches)))) is not None:
+        batches.append(batch)
     if not batches:
         raise OutputError(f"{folder.path} holds no flights yet.")
     points, noise = (np.concatenate([one[name] for one in batches]) for name in ("point", "noise"))

@@ -109,9 +109,10 @@ def build_uncontrolled(scenario: Scenario) -> tuple[ContinuousLoop, PlantState]:
         others = tuple(one.without_corners() for one in plant.effectors)
         plant = plant.with_effectors((ideal_thrusters(scenario, torques=0), *others))
         loop = ContinuousLoop(plant, Coast())
-    simulation = scenario.simulation.model_copy(update={"attitude": "quaternion"})
     with at_key("initial"):
-        start = build_start(scenario.model_copy(update={"simulation": simulation}), plant.effectors)
+        start = build_start(
+            scenario.with_keys("simulation", attitude="quaternion"), plant.effectors
+        )
     return made_of_numbers(loop), made_of_numbers(start)
 
 

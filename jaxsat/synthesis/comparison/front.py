@@ -197,7 +197,4 @@ def _fly(law: str, run: Run, manoeuvre: Manoeuvre) -> FlownPoint:
 def _save_every_sample(scenario: Scenario) -> Scenario:
     """Return the scenario saved at every sample of its law, at which alone the torque changes."""
     period = getattr(scenario.control, "period_s", None)
-    if period is None:
-        return scenario
-    simulation = scenario.simulation.model_copy(update={"save_every_s": period})
-    return scenario.model_copy(update={"simulation": simulation})
+    return scenario if period is None else scenario.with_keys("simulation", save_every_s=period)

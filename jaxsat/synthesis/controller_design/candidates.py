@@ -142,8 +142,7 @@ def written_out(scenario: Scenario) -> Scenario:
         if getattr(scenario.control, key) is None:
             value = np.asarray(number_at(controller, place))
             numbers[key] = float(value) if value.ndim == 0 else tuple(map(float, value))
-    control = scenario.control.model_copy(update=numbers)
-    return scenario.model_copy(update={"control": control})
+    return scenario.with_keys("control", **numbers)
 
 
 def with_scaled_gains(scenario: Scenario, factor: float) -> dict[str, Any]:
@@ -183,8 +182,7 @@ def with_larger_end_game(candidate: Candidate) -> Candidate | None:
     amplitude = float(f"{min(RATE_SHARE * float(rate), TILT_SHARE * float(tilt)):.3g}")
     if amplitude <= end_game.largest_amplitude:
         return None
-    control = control.model_copy(update={HOLDING_AMPLITUDE: amplitude})
-    scenario = candidate.scenario.model_copy(update={"control": control})
+    scenario = candidate.scenario.with_keys("control", **{HOLDING_AMPLITUDE: amplitude})
     return Candidate(f"{candidate.name}, larger end game", scenario)
 
 

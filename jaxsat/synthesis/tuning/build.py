@@ -28,7 +28,7 @@ from jaxsat.simulation.engine.scan import ScanEngine
 from jaxsat.studies.changes import controller_of
 from jaxsat.studies.dispersions import number_at
 from jaxsat.synthesis.tuning.cost_evaluator import CostEvaluator, TrajectoryCounter
-from jaxsat.synthesis.tuning.forms import in_one_form, refined, throttled, with_control
+from jaxsat.synthesis.tuning.forms import in_one_form, refined, throttled
 from jaxsat.synthesis.tuning.parameters import SearchSpace, TunedParameter, Values
 from jaxsat.synthesis.tuning.plan import (
     AbstractAggregate,
@@ -135,7 +135,7 @@ def _forms_of(scenario: Scenario, table: TuningTable) -> _Forms:
     widths = dict(table.smoothing)
     if table.optimiser == DERIVATIVE_FREE:
         return _Forms(scenario, scenario, refined(scenario), {}, space, start)
-    smooth = throttled(with_control(scenario, widths))
+    smooth = throttled(scenario.with_keys("control", **widths))
     return _Forms(scenario, smooth, refined(smooth), widths, space, start)
 
 
@@ -165,7 +165,7 @@ def tuned_scenario(scenario: Scenario, plan: TuningPlan, point: np.ndarray) -> S
         if place in gains:
             value = gains[place]
             numbers[key] = float(value) if value.ndim == 0 else tuple(map(float, value))
-    return with_control(scenario, numbers)
+    return scenario.with_keys("control", **numbers)
 
 
 def _with_native_engine(

@@ -1,6 +1,5 @@
 """State of a tuning run in its folder, from which the run is resumed; its history as arrays."""
 
-import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -52,9 +51,7 @@ def plan_identity(plan: TuningPlan) -> dict[str, Any]:
 
 def write_state(folder: ResumableFolder, state: DescentState) -> None:
     """Store a state from which to resume; raises `OutputError`."""
-    buffer = io.BytesIO()
-    np.savez(buffer, **_to_arrays(state))
-    folder.write(CHECKPOINT, buffer.getvalue())
+    folder.write_arrays(CHECKPOINT, _to_arrays(state))
 
 
 def stored_state(folder: ResumableFolder, plan: TuningPlan) -> DescentState | None:
@@ -62,11 +59,8 @@ def stored_state(folder: ResumableFolder, plan: TuningPlan) -> DescentState | No
 
     Raises `OutputError` for a damaged or changed file.
     """
-    content = folder.read(CHECKPOINT)
-    if content is None:
-        return None
-    with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-        return _from_arrays(plan, dict(arrays))
+    arrays = folder.read_arrays(CHECKPOINT)
+    return None if arrays is None else _from_arrays(plan, arrays)
 
 
 def _to_arrays(state: DescentState) -> dict[str, Any]:

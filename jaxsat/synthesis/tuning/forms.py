@@ -1,7 +1,6 @@
 """Variants of a scenario for tuning: fixed coordinates, finer steps, thrust in place of pulses."""
 
 import math
-from collections.abc import Mapping
 from typing import Any, cast
 
 from jaxsat.scenario.derived import uses_error_coordinates
@@ -32,8 +31,8 @@ def in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:
             "max_steps": solver.max_steps or math.ceil(STEPS_A_SECOND * simulation.duration_s),
         }
         solver = solver.model_copy(update={"steps": "adaptive", **adaptive_keys})
-    changes = {"coordinates": "error" if error else "torque", "solver": solver}
-    return scenario.model_copy(update={"simulation": simulation.model_copy(update=changes)})
+    coordinates = "error" if error else "torque"
+    return scenario.with_keys("simulation", coordinates=coordinates, solver=solver)
 
 
 def refined(scenario: Scenario) -> Scenario:
@@ -45,9 +44,7 @@ def refined(scenario: Scenario) -> Scenario:
         changes = {"step_s": solver.step_s / 2}
     else:
         changes = {name: cast(float, getattr(solver, name)) / FINER for name in ("rtol", "atol")}
-    solver = solver.model_copy(update=changes)
-    simulation = scenario.simulation.model_copy(update={"solver": solver})
-    return scenario.model_copy(update={"simulation": simulation})
+    return scenario.with_keys("simulation.solver", **changes)
 
 
 def throttled(scenario: Scenario) -> Scenario:
@@ -58,9 +55,3 @@ def throttled(scenario: Scenario) -> Scenario:
     if not scenario.thruster:
         return scenario
     return scenario.model_copy(update={"modulation": ModulationTable(kind="ideal")})
-
-
-def with_control(scenario: Scenario, numbers: Mapping[str, Any]) -> Scenario:
-    """Return the scenario with these numbers in `[control]`."""
-    control = scenario.control.model_copy(update=dict(numbers))
-    return scenario.model_copy(update={"control": control})
