@@ -1,6 +1,6 @@
 """Table of what each actuator of a run did, shares of the torque by kind, and times at limits."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from jaxsat.core.text import capitalised, number_text
 from jaxsat.report.document import Cell, Shown, Table
 from jaxsat.report.run_plots import part_labels
 from jaxsat.report.shares import shares_of
+from jaxsat.report.timeline import diagnoses, failures_of_part
 from jaxsat.store.labelled import Dataset
 
 STORE = "disc"
@@ -91,8 +92,8 @@ def _state(time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"], limit
     return " and ".join(texts)
 
 
-FATE = "failure"
-"""Heading of the last column."""
+FATES = "failure", "diagnosis"
+"""Headings of the last columns."""
 
 
 def share_sentence(dataset: Dataset) -> Iterator[str]:
@@ -107,7 +108,10 @@ def share_sentence(dataset: Dataset) -> Iterator[str]:
     whole = sum(impulses.values())
     if not whole > 0:
         return
-    texts = [f"{100 * one / whole:.3g} % by {name}" for name, one in impulses.items()]
+    texts = [
+        f"{number_text(100 * one / whole, 3, scale=1e3)} % by {name}"
+        for name, one in impulses.items()
+    ]
     used = used_propellant(dataset)
     fuel = f", with {number_text(used, 3)} kg of propellant" if used > 0 else ""
     yield f"Torque over the run: {', '.join(texts)}{fuel}."
@@ -120,14 +124,13 @@ def used_propellant(dataset: Dataset) -> float:
     return float(np.nanmax(dataset["propellant"].values, initial=0.0))
 
 
-def actuator_tables(
-    dataset: Dataset, scenario: Mapping[str, Any], failures: Sequence[tuple[float, str]]
-) -> Iterator[Table]:
-    """Yield the table of what each device did and how it failed, if signals of devices exist.
+def actuator_tables(dataset: Dataset, scenario: Mapping[str, Any]) -> Iterator[Table]:
+    """Yield the table of what each device did, how it failed, and what the law found.
 
     Each number has a column with its unit; cells of devices without it are empty.
     """
     rows: list[dict[str, Cell]] = []
+    found = diagnoses(dataset)
     for kind in ACTUATORS:
         signals = [one for one in kind.signals if one.each and one.name in dataset]
         labels = part_labels(dataset, signals[0].name) if signals else []
@@ -142,10 +145,13 @@ def actuator_tables(
             for one in signals:
                 noun = one.name.removeprefix(f"{kind.name}_").replace("_", " ")
                 row |= _numbers(dataset, one, noun, place, table)
-            fate = _fate(f"{kind.name} {own}", failures)
-            rows.append({**row, FATE: "failed before the start" if table.get("failed") else fate})
+            failed = failures_of_part(scenario, f"{kind.name} {own}", dataset["time"].values)
+            row["failure"] = "failed before the start" if table.get("failed") else failed
+            row["diagnosis"] = found.get(f"{kind.name} {label}", "")
+            rows.append(row)
     if rows:
-        columns = [*dict.fromkeys(name for row in rows for name in row if name != FATE), FATE]
+        names = dict.fromkeys(name for row in rows for name in row if name not in FATES)
+        columns = [*names, *(name for name in FATES[: 1 + bool(found)])]
         cells = [[row.get(name) for name in columns] for row in rows]
         yield Table("What each actuator did", columns, cells)
 
@@ -178,8 +184,3 @@ def _numbers(
 def _shown(value: Any, scale: float = 0.0, digits: int = 3) -> Shown:
     """Return a number displayed with few digits and sorted by its full value."""
     return Shown(number_text(float(value), digits, scale=scale), float(value))
-
-
-def _fate(name: str, failures: Sequence[tuple[float, str]]) -> str:
-    own = [(at, what) for at, what in failures if what.startswith(f"{name} ")]
-    return "; ".join(f"{what.removeprefix(name).strip()} at {at:g} s" for at, what in own)

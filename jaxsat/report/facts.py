@@ -16,11 +16,16 @@ from jaxsat.store.labelled import Dataset
 
 
 def scenario_tables(dataset: Dataset) -> dict[str, Any]:
-    """Return the tables of a dataset's scenario, not to be changed; empty where it has none."""
-    return _tables(str(dataset.attrs.get("scenario", "")))
+    """Return the tables of a dataset's scenario, not to be changed; empty where it has none.
+
+    Failures are those of the dataset's case.
+    """
+    scenario = _tables(str(dataset.attrs.get("scenario", "")))
+    drawn = dataset.attrs.get("failures")
+    return scenario if drawn is None else scenario | _tables(str(drawn))
 
 
-@latest(2)
+@latest(4)
 def _tables(scenario: str) -> dict[str, Any]:
     try:
         return tomllib.loads(scenario)

@@ -20,7 +20,7 @@ from jaxsat.report.facts import scenario_tables, settled_meaning, settles_in_att
 from jaxsat.report.requirements import judgements, requirement_table
 from jaxsat.report.run_plots import has_effectors
 from jaxsat.report.shares import momentum_budget
-from jaxsat.report.timeline import exclusions, failures_of
+from jaxsat.report.timeline import exclusions, failure_sentences, mode_names
 from jaxsat.store.dataset import errors_of, time_at_rest, time_to_settle
 from jaxsat.store.labelled import Dataset
 
@@ -36,10 +36,9 @@ def run_document(dataset: Dataset, name: str = "") -> Document:
     scenario = scenario_tables(dataset)
     margins = judgements(dataset)
     dataset = until_end(dataset)
-    failures = failures_of(scenario, dataset["time"].values)
     facts = Facts("Result", {**_final_state(dataset), **_actuation(dataset, scenario)})
     blocks = [facts, requirement_table(margins)] if margins else [facts]
-    return Document(_title(dataset, name), run_verdict(dataset, scenario, failures), blocks)
+    return Document(_title(dataset, name), run_verdict(dataset, scenario), blocks)
 
 
 def _title(dataset: Dataset, name: str) -> str:
@@ -55,10 +54,8 @@ def until_end(dataset: Dataset) -> Dataset:
     return dataset.isel(time=slice(0, last + 1))
 
 
-def run_verdict(
-    dataset: Dataset, scenario: Mapping[str, Any], failures: Sequence[tuple[float, str]]
-) -> Verdict:
-    """Return the verdict: settling time, tolerances, law, failures, and excluded sensors."""
+def run_verdict(dataset: Dataset, scenario: Mapping[str, Any]) -> Verdict:
+    """Return the verdict: settling time, failures and what the law found, tolerances, law."""
     law = str(scenario.get("control", {}).get("law", "unknown"))
     rates = float(np.linalg.norm(dataset["omega"].values[-1]))
     ends = [f"|ω| = {number_text(rates, 3, scale=_summed_rates(dataset))} rad/s"]
@@ -67,9 +64,13 @@ def run_verdict(
     if attitude:
         error = float(dataset["pointing_error_total"].values[-1])
         ends.insert(0, f"pointing error {number_text(error, 3)}°")
+    if len(dataset["mode"].attrs.get("flag_meanings", "").split()) > 1:
+        last = mode_names(dataset.isel(time=slice(-1, None)))
+        ends += [f"mode “{name}”" for name in last.values()]
     end = f"{number_text(float(dataset['time'].values[-1]), 6)} s"
-    events = [*failures, *exclusions(dataset)]
-    more = [f"{capitalised(what)} at {number_text(at, 6)} s." for at, what in events]
+    sensors = exclusions(dataset)
+    more = [sentence for _, sentence in sorted(failure_sentences(dataset, scenario))]
+    more += [f"{capitalised(what)} at {number_text(at, 6)} s." for at, what in sensors]
     more += [*share_sentence(dataset), *saturation_sentences(dataset, scenario)]
     if unmet := _unmet_torque(dataset, scenario, _peak_torque(dataset)):
         more.append(f"Unmet torque: {unmet}.")

@@ -38,13 +38,12 @@ def shares_of(dataset: Dataset) -> dict[str, Float[np.ndarray, "n 3"]] | None:
     if tables.get(WHEEL):
         torques["wheels"] = _of_wheels(dataset, tables[WHEEL]) @ _axes(tables[WHEEL])
         rest = rest - torques["wheels"]
+    fires = others != ["thrusters"] or _fires(dataset)[:, None]
     if tables.get(ROD):
-        rods = rest if not others else _rods_torque(dataset, tables)
-        if others == ["thrusters"]:
-            rods = np.where(_fires(dataset)[:, None], rods, rest)
+        rods = np.where(fires, _rods_torque(dataset, tables), rest) if others else rest
         torques["magnetorquers"], rest = rods, rest - rods
-    if others:
-        torques[" and ".join(others)] = rest
+    if others:  # what is left while no thruster fires is round-off
+        torques[" and ".join(others)] = np.where(fires, rest, 0.0)
     return torques if len(torques) > 1 else None
 
 

@@ -1,11 +1,14 @@
 """Events of a run: failures, alarms, verdicts, and phases of the law."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
+from jaxsat.core.declaration.units import unit_of, with_unit
+from jaxsat.core.text import capitalised, number_text, vector_text
 from jaxsat.report.facts import scenario_tables
 from jaxsat.report.plot import Timeline
 from jaxsat.store.labelled import Dataset
@@ -41,44 +44,129 @@ def subject_title(dataset: Dataset, subject: str) -> str:
     return f"{dataset.attrs.get('title', 'Trajectory')}: {subject}"
 
 
+class Diagnosis(NamedTuple):
+    """A law's verdict on an actuator, `part`, at a saved time `at` (s)."""
+
+    at: float
+    part: str
+    what: str
+
+
 def failures_of(scenario: Mapping[str, Any], times: np.ndarray) -> list[tuple[float, str]]:
     """Return times (s) and names of failures up to the last time, such as (300, "wheel 2 dead")."""
-    return sorted(
-        (at, f"{words_of(table.get('of', ''))} {table.get('kind', 'fails')}")
-        for table in scenario.get("failure", ())
-        if (at := float(table.get("at_s", 0.0))) <= times[-1]
+    return [
+        (at, f"{words_of(str(table.get('of', '')))} {_kind_of(table, amounts=False)}")
+        for at, table in _failures(scenario, times)
+    ]
+
+
+def failures_of_part(scenario: Mapping[str, Any], part: str, times: np.ndarray) -> str:
+    """Describe the failures of a part up to the last time: "degraded (fraction 0.4) at 30 s"."""
+    return "; ".join(
+        f"{_kind_of(table, amounts=True)} at {number_text(at, 6)} s"
+        for at, table in _failures(scenario, times)
+        if table.get("of") == part
     )
+
+
+def _failures(
+    scenario: Mapping[str, Any], times: np.ndarray
+) -> list[tuple[float, Mapping[str, Any]]]:
+    """Return times (s) and tables of failures up to the last time, in order."""
+    every = [(float(table.get("at_s", 0.0)), table) for table in scenario.get("failure", ())]
+    return sorted((one for one in every if one[0] <= times[-1]), key=lambda one: one[0])
+
+
+def _kind_of(table: Mapping[str, Any], amounts: bool) -> str:
+    """Return a failure's kind in words."""
+    kind = str(table.get("kind", "fails")).replace("-", " ")
+    numbers = {key: one for key, one in table.items() if key not in ("of", "at_s", "kind")}
+    if not amounts or not numbers:
+        return kind
+    return f"{kind} ({', '.join(_amount(key, one) for key, one in numbers.items())})"
+
+
+def _amount(key: str, value: Any) -> str:
+    """Return name, value and unit of a key of a failure."""
+    unit = unit_of(key)
+    name = key.removesuffix(with_unit("", unit)).replace("_", " ")
+    text = vector_text(value) if isinstance(value, list) else number_text(value)
+    return f"{name} {text}" if unit == "1" else f"{name} {text} {unit}"
 
 
 def verdicts(dataset: Dataset) -> list[tuple[float, str]]:
     """Return times (s) and names of the first alarms and isolations by a diagnosing law."""
-    if "diagnosed_kind" not in dataset:
-        return _verdicts_on_dipoles(dataset)[:MOST_VERDICTS]
-    time, kinds = dataset["time"].values, dataset["diagnosed_kind"].values
-    alarm = [mode for mode, name in mode_names(dataset).items() if name == "alarm"]
-    in_alarm = np.isin(dataset["mode"].values, alarm)
-    events = [(float(time[row]), "alarm") for row in np.flatnonzero(np.diff(in_alarm * 1) > 0) + 1]
-    names = diagnosed_names(dataset)
-    for row, place in np.argwhere(np.diff(kinds, axis=0) != 0):
-        kind = kinds[row + 1, place]
-        if np.isfinite(kind):
-            verdict = f"isolated, {DIAGNOSED[int(kind)]}" if kind >= 0 else "works again"
-            events.append((float(time[row + 1]), f"{names[place]}: {verdict}"))
-    return sorted([*events, *_verdicts_on_dipoles(dataset)])[:MOST_VERDICTS]
+    events = [(one.at, f"{one.part}: {one.what}") for one in isolations(dataset)]
+    if "diagnosed_kind" in dataset:
+        time = dataset["time"].values
+        alarm = [mode for mode, name in mode_names(dataset).items() if name == "alarm"]
+        rises = np.diff(np.isin(dataset["mode"].values, alarm) * 1) > 0
+        events += [(float(time[row]), "alarm") for row in np.flatnonzero(rises) + 1]
+    return sorted(events)[:MOST_VERDICTS]
 
 
-def _verdicts_on_dipoles(dataset: Dataset) -> list[tuple[float, str]]:
-    """Return times (s) and names of verdicts on magnetorquers."""
-    if "diagnosed_dipole" not in dataset:
-        return []
-    time, part = dataset["time"].values, dataset["diagnosed_dipole"].values
-    names, events = dataset["magnetorquer"].values, []
-    for row, place in np.argwhere(np.diff((part != 1) & np.isfinite(part), axis=0)):
-        left = part[row + 1, place]
-        if np.isfinite(left):
-            verdict = "works again" if left == 1 else f"isolated, makes {left:.0%}"
-            events.append((float(time[row + 1]), f"magnetorquer {names[place]}: {verdict}"))
-    return events
+def isolations(dataset: Dataset) -> list[Diagnosis]:
+    """Return all verdicts of a diagnosing law, in order of time."""
+    found, time = [], dataset["time"].values
+    if "diagnosed_kind" in dataset:
+        kinds, names = dataset["diagnosed_kind"].values, diagnosed_names(dataset)
+        for row, place in np.argwhere(np.diff(kinds, axis=0) != 0):
+            kind = kinds[row + 1, place]
+            if np.isfinite(kind):
+                what = f"isolated as {DIAGNOSED[int(kind)]}" if kind >= 0 else "works again"
+                found.append(Diagnosis(float(time[row + 1]), names[place], what))
+    if "diagnosed_dipole" in dataset:
+        parts, names = dataset["diagnosed_dipole"].values, _diagnosed_rods(dataset)
+        for place, name in enumerate(names):
+            known = parts[np.isfinite(parts[:, place]), place]
+            changes = np.flatnonzero(np.diff(known != 1)) + 1
+            for row, end in pairwise([*changes, len(known)]):
+                left = known[end - 1]
+                what = "works again" if left == 1 else f"isolated, makes {left:.0%}"
+                found.append(Diagnosis(float(time[row]), name, what))
+    return sorted(found)
+
+
+def diagnosed_parts(dataset: Dataset) -> list[str]:
+    """Return kind and name of each actuator on which a law gives verdicts."""
+    kinds = diagnosed_names(dataset) if "diagnosed_kind" in dataset else []
+    return [*kinds, *(_diagnosed_rods(dataset) if "diagnosed_dipole" in dataset else [])]
+
+
+def _diagnosed_rods(dataset: Dataset) -> list[str]:
+    return [f"magnetorquer {name}" for name in dataset["magnetorquer"].values]
+
+
+def failure_sentences(dataset: Dataset, scenario: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
+    """Yield times (s) and sentences of failures, and of verdicts on actuators that work.
+
+    That of a failure says when the law isolated it, if the law diagnoses such actuators.
+    """
+    left, known = isolations(dataset), set(diagnosed_parts(dataset))
+    failures = _failures(scenario, dataset["time"].values)
+    for number, (at, table) in enumerate(failures):
+        of = str(table.get("of", ""))
+        later = [then for then, one in failures[number + 1 :] if one.get("of") == of]
+        parts = known & {of, f"{of}+", f"{of}-"}  # both ways of a two-sided thruster
+        own = [one for one in left if one.part in parts and at <= one.at <= min([*later, np.inf])]
+        left = [one for one in left if one not in own]
+        verdict = f"; {_told(own)}" if own else "; not isolated" if parts else ""
+        what = f"{words_of(of)} {_kind_of(table, amounts=True)} at {number_text(at, 6)} s"
+        yield at, f"{capitalised(what)}{verdict}."
+    for one in left:
+        yield one.at, f"{capitalised(one.part)} {_told([one])}, although it had not failed."
+
+
+def _told(found: Sequence[Diagnosis]) -> str:
+    return ", ".join(f"{one.what} at {number_text(one.at, 6)} s" for one in found)
+
+
+def diagnoses(dataset: Dataset) -> dict[str, str]:
+    """Return the law's verdicts on each actuator that it diagnoses; empty texts without one."""
+    found = isolations(dataset)
+    return {
+        part: _told([one for one in found if one.part == part]) for part in diagnosed_parts(dataset)
+    }
 
 
 def words_of(part: str) -> str:

@@ -21,7 +21,7 @@ _KINDS: dict[type[AbstractFailureKind], str] = {}
 for _one in ACTUATORS:
     _KINDS.setdefault(type(_one.kinds[0]), _one.name)
 
-_CODES: dict[int, AbstractFailureKind] = dict(
+CODES: dict[int, AbstractFailureKind] = dict(
     enumerate((kind for kinds in _KINDS for kind in kinds), 1)
 )
 """Kind of failure by its code in `failure_kind`."""
@@ -32,7 +32,7 @@ def _words(kind: AbstractFailureKind) -> str:
     return kind.word if actuator == ACTUATORS[0].name else f"{actuator} {kind.word}"
 
 
-FAILURES = ("none", *map(_words, _CODES.values()))
+FAILURES = ("none", *map(_words, CODES.values()))
 """Names of the codes of `failure_kind`."""
 
 DIAGNOSED = ("none", *words(DiagnosedKind))
@@ -41,13 +41,13 @@ DIAGNOSED = ("none", *words(DiagnosedKind))
 
 def first_code(kinds: type[AbstractFailureKind]) -> int:
     """Return the code of the first of these kinds of failure."""
-    return next(code for code, kind in _CODES.items() if isinstance(kind, kinds))
+    return next(code for code, kind in CODES.items() if isinstance(kind, kinds))
 
 
-AMOUNTLESS = ("none", *(FAILURES[code] for code, kind in _CODES.items() if not kind.one_number))
+AMOUNTLESS = ("none", *(FAILURES[code] for code, kind in CODES.items() if not kind.one_number))
 """Names of failures that have no amount."""
 
 _VERDICTS = {kind.text: 1 + kind for kind in DiagnosedKind}
 
-HYPOTHESES = {code: _VERDICTS[kind.text] for code, kind in _CODES.items() if kind.text in _VERDICTS}
+HYPOTHESES = {code: _VERDICTS[kind.text] for code, kind in CODES.items() if kind.text in _VERDICTS}
 """Correct verdict for each failure code of a thruster or wheel, if there is one."""

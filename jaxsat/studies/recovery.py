@@ -156,7 +156,7 @@ class FailureRecovery:
     ) -> dict[str, np.ndarray]:
         """Return columns of failures and recovery, from other columns of cases and their draws."""
         cases = len(columns["code"])
-        failures = self._failures(draws, cases)
+        failures = self.struck(draws, cases)
         momentum, hold = np.asarray(self.loop.plant.total_momentum(self.start)), None
         if self._attitude:
             hold = Held(self.loop, self.start, self.duration, self.tolerances, draws)
@@ -168,8 +168,8 @@ class FailureRecovery:
         }
         return {name: failures[name] for name in self.columns() if name in failures} | codes
 
-    def _failures(self, draws: Mapping[str, np.ndarray], cases: int) -> dict[str, np.ndarray]:
-        """Time, part, kind and amount (cases, failures) of every failure."""
+    def struck(self, draws: Mapping[str, np.ndarray], cases: int) -> dict[str, np.ndarray]:
+        """Return time, part, kind and amount (cases, failures) of every failure, from draws."""
 
         def numbers(name: str, field: str, of: str | None = None) -> np.ndarray:
             parts = [getattr(one, field) for one in self._events if of in (None, one.part)]

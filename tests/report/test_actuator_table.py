@@ -7,14 +7,12 @@ from helpers.pages import run_dataset
 from jaxsat.report.actuator_table import actuator_tables, saturation_sentences, share_sentence
 from jaxsat.report.document import Shown
 from jaxsat.report.facts import scenario_tables
-from jaxsat.report.timeline import failures_of
 
 
 def rows_of(run):
     """Cells by heading, of each actuator."""
     scenario = scenario_tables(run)
-    failures = failures_of(scenario, run["time"].values)
-    (table,) = actuator_tables(run, scenario, failures)
+    (table,) = actuator_tables(run, scenario)
     rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
     return {row.pop("actuator"): row for row in rows}
 
@@ -44,6 +42,12 @@ def test_a_row_says_what_each_device_did_and_how_it_failed():
         "of its limit (%)": "50",
     }
     assert list(rows["wheel 1"])[-1] == "failure"
+    kinds = np.full((101, 1), -1.0)
+    kinds[40:] = 0
+    run["diagnosed_kind"] = (("time", "wheel"), kinds)
+    assert [list(row.items())[-1] for row in rows_of(run).values()] == [
+        ("diagnosis", text) for text in ("", "", "isolated as dead at 4 s")
+    ]
 
 
 def test_the_times_at_which_a_wheel_is_nearly_full_and_full_are_told():

@@ -157,3 +157,24 @@ def test_magnetorquers_make_all_of_the_rest_while_no_thruster_fires():
     np.testing.assert_allclose(found["magnetorquers"], np.where(fires[:, None], 0.0, rods))
     rest = np.where(fires[:, None], rods + pulses, 0.0)
     np.testing.assert_allclose(found["thrusters"], rest, atol=1e-20)
+
+
+def test_thrusters_that_never_fire_have_no_share():
+    """What wheels leave of a torque of them alone is round-off, not thrust."""
+    time, zero = np.arange(4.0), np.zeros((4, 3))
+    momentum = np.stack([67 - 0.1 * time, 33 + 0.3 * time], 1)
+    means = -np.diff(momentum, axis=0, append=momentum[-1:]) @ [[0.0, 0.6, 0.8], [1.0, 0.0, 0.0]]
+    none = ("time", "thruster"), zero[:, :1]
+    variables = {
+        "quaternion": (("time", "q"), np.tile([1.0, 0.0, 0.0, 0.0], (4, 1))),
+        "omega": (("time", "body_axis"), zero),
+        "relative_rate": (("time", "body_axis"), zero),
+        "torque_mean": (("time", "body_axis"), means * (1 + 1e-13)),
+        "wheel_torque": (("time", "wheel"), zero[:, :2]),
+        "wheel_momentum": (("time", "wheel"), momentum),
+        "thrust_level": none,
+        "valve_openings": none,
+    }
+    dataset = xr.Dataset(variables, {"time": time}, {"scenario": SCENARIO + JETS})
+    assert not shares_of(dataset)["thrusters"].any()
+    assert momentum_budget(dataset) == ""

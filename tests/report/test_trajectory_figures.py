@@ -185,5 +185,5 @@ def test_a_failure_is_marked_in_every_panel_and_named_once():
     for panel in panels:
         marks = [line for line in panel.lines if np.all(np.asarray(line.get_xdata()) == 30)]
         assert len(marks) == 1
-    assert [text.get_text().strip() for text in panels[0].texts] == ["thruster 3 stuck-on"]
+    assert [text.get_text().strip() for text in panels[0].texts] == ["thruster 3 stuck on"]
     assert not panels[1].texts

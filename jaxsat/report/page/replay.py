@@ -9,8 +9,7 @@ import numpy as np
 from jaxsat.core.declaration.actuator import Signal
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.failures import ONE_WAY
-from jaxsat.report.run_document import failures_of
-from jaxsat.report.timeline import mode_names
+from jaxsat.report.timeline import failures_of, mode_names
 from jaxsat.scenario.control import known_law
 from jaxsat.store.labelled import Dataset
 

@@ -36,7 +36,7 @@ def run_section(dataset: Dataset, name: str, command: str = "") -> Document:
     times, window = dataset["time"].values, None
     failures = failures_of(scenario, times)
     blocks: list[Any] = [
-        *actuator_tables(dataset, scenario, failures),
+        *actuator_tables(dataset, scenario),
         Facts("Scenario", scenario_facts(scenario)),
     ]
     if len(times) > 1:

@@ -33,7 +33,8 @@ def test_the_verdict_says_when_it_settled_within_what_and_by_which_law(run_file,
 
 
 def test_parts_keep_the_names_that_they_were_given():
-    more = run_verdict(run_dataset(), {}, [(3.0, "wheel RW-A dead")]).more
+    failure = {"of": "wheel RW-A", "at_s": 3.0, "kind": "dead"}
+    more = run_verdict(run_dataset(), {"failure": [failure]}).more
     assert more[0] == "Wheel RW-A dead at 3 s."
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import jaxsat
+from jaxsat.report.facts import scenario_tables
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.datasets import simulated
 
@@ -21,6 +22,20 @@ def test_a_simulated_case_is_that_of_the_study():
     assert np.array_equal(flown["omega"].values, replayed["omega"].values)
     other = jaxsat.load("rate-limited", [*SHORT, "dispersion.case=1"], purpose="study")
     assert jaxsat.build_study(other, 3).description == study.description
+
+
+@pytest.mark.slow
+def test_the_results_of_a_case_tell_its_own_failures():
+    """Not those of the scenario in place of which they are drawn."""
+    changes = ["simulation.duration_s=400", "simulation.save_every_s=1"]
+    scenario = jaxsat.load("failures-telescope", [*changes, "dispersion.case=5"], purpose="study")
+    study = jaxsat.build_study(scenario, 6)
+    (failure,) = scenario_tables(simulated(scenario).dataset())["failure"]
+    values = {name: one[0] for name, one in study.values(np.array([5])).items()}
+    assert failure["of"] == study.names[values["failed_part"][0]] != scenario.failure[0].of
+    assert failure["at_s"] == values["failure_time"][0]
+    assert failure["kind"] == "friction-up" != scenario.failure[0].kind
+    assert failure["friction_N_m"] == values["failure_amount"][0]
 
 
 @pytest.mark.slow
