@@ -1,6 +1,6 @@
 """Failures of reaction wheels in flight, as events at a time, and the remaining reach."""
 
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -12,11 +12,10 @@ from jaxsat.core.checks import concrete
 from jaxsat.core.declaration.failures import AbstractFailureKind
 from jaxsat.core.declaration.wheels import WheelFailureKind
 from jaxsat.core.ranges import FRICTION
-from jaxsat.spacecraft.effector import Reach
+from jaxsat.spacecraft.effector import Effect, Reach
 from jaxsat.spacecraft.failures import AbstractFailures
-
-if TYPE_CHECKING:
-    from jaxsat.spacecraft.wheels import Wheels
+from jaxsat.spacecraft.held_wheels import AbstractHeldWheels
+from jaxsat.spacecraft.wheel_motion import WheelMomenta
 
 
 class WheelFailures(AbstractFailures):
@@ -84,63 +83,116 @@ class WheelCondition(NamedTuple):
         return self.gain * torque
 
 
-def driven(
-    wheels: "Wheels",
-    momentum: Float[Array, " wheels"],
-    command: Float[Array, " wheels"],
-    struck: Bool[Array, " f"],
-) -> "tuple[Wheels, Float[Array, ' wheels']]":
-    """Return wheels in the condition after their failures, and their motor torques, N m."""
-    if wheels.failures is None:
-        return wheels, command
-    condition = wheels.failures.condition(struck, wheels.count)
-    coulomb = jnp.zeros_like(momentum)
-    if wheels.coulomb_friction is not None:
-        coulomb = wheels.coulomb_friction
-    coulomb = jnp.maximum(condition.friction * coulomb, condition.coulomb)
-    viscous = wheels.viscous_friction
-    if viscous is not None:
-        viscous = condition.friction * viscous
-    seized = None if wheels.rotor_inertia is None else condition.stopped
-    after = eqx.tree_at(
-        lambda one: (one.coulomb_friction, one.viscous_friction, one.failures, one.seized),
-        wheels,
-        (coulomb, viscous, None, seized),
-        is_leaf=lambda x: x is None,
-    )
-    torque = condition.command(wheels.motor_torque(command), momentum, wheels.torque_limit)
-    return after, torque
+class AbstractFailingWheels(AbstractHeldWheels):
+    """Wheels that may fail in flight: their blows, conditions and reach."""
 
+    failures: eqx.AbstractVar[WheelFailures | None]
 
-def reach(
-    wheels: "Wheels", momentum: Float[Array, " wheels"], struck: Bool[Array, " f"], span: RealScalar
-) -> Reach:
-    """Return the reach: motor torques less friction, N m, in either direction of the wheel.
+    def _stopped(self, struck: Bool[Array, " f"]) -> Bool[Array, " wheels"]:
+        if self.failures is None:
+            return jnp.zeros(self.count, bool)
+        return self.failures.condition(struck, self.count).stopped
 
-    They are bounded by the momentum's room for `span` seconds. A runaway wheel makes its full
-    torque.
-    """
-    motor = jnp.full_like(momentum, jnp.inf)
-    motor = motor if wheels.torque_limit is None else wheels.torque_limit
-    condition = None
-    after, full = driven(wheels, momentum, wheels.idle(), struck)[0], motor
-    if wheels.failures is not None:
-        condition = wheels.failures.condition(struck, wheels.count)
-        motor = jnp.where(condition.gain > 0, condition.gain * full, 0.0)
-    friction = after.decay * jnp.abs(momentum)
-    if after.coulomb_friction is not None:
-        friction = friction + after.coulomb_friction
-    high = jnp.maximum(motor - friction, 0.0)
-    low = -high
-    if condition is not None:
-        away = jnp.where(momentum < 0, full, -full)
-        low = jnp.where(condition.runaway, away, low)
-        high = jnp.where(condition.runaway, away, high)
-    if wheels.momentum_limit is not None:
-        down = _for_span(wheels.momentum_limit - momentum, span)
-        up = _for_span(wheels.momentum_limit + momentum, span)
-        low, high = jnp.clip(low, -down, up), jnp.clip(high, -down, up)
-    return Reach(wheels.axes, low, high)
+    def blow(self, state: WheelMomenta, struck: Bool[Array, " f"]) -> Effect:
+        """Return the impulse of seizing wheels (N m s), and the correction by other rotors."""
+        stopped = self._stopped(struck)
+        impulse = self.axes @ jnp.where(stopped, state.momentum, 0.0)
+        return Effect(impulse, self.free_inertia(~stopped))
+
+    def blown(self, state: WheelMomenta, struck: Bool[Array, " f"], change) -> WheelMomenta:
+        """Return the state after a blow: seized wheels at rest, J_w aᵀω + h of others unchanged."""
+        momentum = state.momentum
+        if self.rotor_inertia is not None:
+            momentum = momentum - self._drag(change)
+        return WheelMomenta(jnp.where(self._stopped(struck), 0.0, momentum))
+
+    def driven(
+        self, state: WheelMomenta, command: Float[Array, " wheels"], struck: Bool[Array, " f"]
+    ) -> "tuple[AbstractFailingWheels, Float[Array, ' wheels']]":
+        """Return wheels in the condition after their failures, and their motor torques, N m."""
+        if self.failures is None:
+            return self, command
+        condition = self.failures.condition(struck, self.count)
+        coulomb = jnp.zeros_like(state.momentum)
+        if self.coulomb_friction is not None:
+            coulomb = self.coulomb_friction
+        coulomb = jnp.maximum(condition.friction * coulomb, condition.coulomb)
+        viscous = self.viscous_friction
+        if viscous is not None:
+            viscous = condition.friction * viscous
+        seized = None if self.rotor_inertia is None else condition.stopped
+        after = eqx.tree_at(
+            lambda one: (one.coulomb_friction, one.viscous_friction, one.failures, one.seized),
+            self,
+            (coulomb, viscous, None, seized),
+            is_leaf=lambda x: x is None,
+        )
+        torque = condition.command(self.motor_torque(command), state.momentum, self.torque_limit)
+        return after, torque
+
+    def reach(self, t, plant, state: WheelMomenta, struck, span: RealScalar) -> Reach:
+        """Return the reach: motor torques less friction, N m, in either direction of the wheel.
+
+        They are bounded by the momentum's room for `span` seconds. A runaway wheel makes its full
+        torque.
+        """
+        momentum = state.momentum
+        motor = jnp.full_like(momentum, jnp.inf)
+        motor = motor if self.torque_limit is None else self.torque_limit
+        condition = None
+        after, full = self.driven(state, self.idle(), struck)[0], motor
+        if self.failures is not None:
+            condition = self.failures.condition(struck, self.count)
+            motor = jnp.where(condition.gain > 0, condition.gain * full, 0.0)
+        friction = after.decay * jnp.abs(momentum)
+        if after.coulomb_friction is not None:
+            friction = friction + after.coulomb_friction
+        high = jnp.maximum(motor - friction, 0.0)
+        low = -high
+        if condition is not None:
+            away = jnp.where(momentum < 0, full, -full)
+            low = jnp.where(condition.runaway, away, low)
+            high = jnp.where(condition.runaway, away, high)
+        if self.momentum_limit is not None:
+            down = _for_span(self.momentum_limit - momentum, span)
+            up = _for_span(self.momentum_limit + momentum, span)
+            low, high = jnp.clip(low, -down, up), jnp.clip(high, -down, up)
+        return Reach(self.axes, low, high)
+
+    def last_drawn_kind(self, sampled: bool) -> WheelFailureKind:
+        """Return the last kind that a study draws: `RUNAWAY` only if all wheels have a torque
+        limit, and `FRICTION_TO`, the one before, only under a sampled law."""
+        if not sampled:
+            return WheelFailureKind.FRICTION_BY
+        limits = None if self.torque_limit is None else concrete(self.torque_limit)
+        limited = limits is not None and bool(np.all(np.isfinite(limits)))
+        return WheelFailureKind.RUNAWAY if limited else WheelFailureKind.FRICTION_TO
+
+    def without_corners(self) -> "AbstractFailingWheels":
+        """Return the same wheels without Coulomb friction and failures in flight."""
+        return eqx.tree_at(
+            lambda one: (one.coulomb_friction, one.failures),
+            self,
+            (None, None),
+            is_leaf=lambda x: x is None or isinstance(x, WheelFailures),
+        )
+
+    def require_continuous(self) -> None:
+        """Raise `ValueError` for Coulomb friction, initial or after a failure, and for a seized
+        wheel that fails again."""
+        failures = self.failures
+        kinds = None if failures is None else concrete(failures.kind)
+        rubs = kinds is not None and np.any(np.rint(kinds) == WheelFailureKind.FRICTION_TO)
+        if rubs or self.coulomb_friction is not None:
+            raise ValueError(
+                "Wheels with Coulomb friction must have a command that is held, which that of a "
+                "continuous controller is not."
+            )
+        if failures is not None and failures.frees_a_wheel():
+            raise ValueError(
+                "A wheel that has seized must not fail once more under a continuous controller, "
+                "whose state has no jump of the momentum that the body got."
+            )
 
 
 def _for_span(room: Float[Array, " wheels"], span) -> Float[Array, " wheels"]:
@@ -148,21 +200,3 @@ def _for_span(room: Float[Array, " wheels"], span) -> Float[Array, " wheels"]:
     room = jnp.maximum(room, 0.0)
     now = jnp.where(room > 0, jnp.inf, 0.0)
     return jnp.where(span > 0, room / jnp.where(span > 0, span, 1.0), now)
-
-
-def require_continuous(wheels: "Wheels") -> None:
-    """Raise `ValueError` for Coulomb friction, initial or after a failure, and for a seized wheel
-    that fails again."""
-    failures = wheels.failures
-    kinds = None if failures is None else concrete(failures.kind)
-    rubs = kinds is not None and np.any(np.rint(kinds) == WheelFailureKind.FRICTION_TO)
-    if rubs or wheels.coulomb_friction is not None:
-        raise ValueError(
-            "Wheels with Coulomb friction must have a command that is held, which that of a "
-            "continuous controller is not."
-        )
-    if failures is not None and failures.frees_a_wheel():
-        raise ValueError(
-            "A wheel that has seized must not fail once more under a continuous controller, "
-            "whose state has no jump of the momentum that the body got."
-        )

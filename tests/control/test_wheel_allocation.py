@@ -11,8 +11,7 @@ from jaxsat.control.diagnosis.residual import ActuatorCondition
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.control.reconfiguration import Left
 from jaxsat.control.wheel_allocation import LEAST_MOMENTUM, MOST_MOMENTUM, WheelAllocation
-from jaxsat.spacecraft.wheel_motion import piece_after
-from jaxsat.spacecraft.wheels import Wheels
+from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 
 PYRAMID = np.array([[1, 0, -1, 0], [0, 1, 0, -1], [1, 1, 1, 1]]) / np.sqrt(2)
 
@@ -119,7 +118,7 @@ def test_a_motor_makes_the_torque_beside_friction_and_in_part():
         asked, [0.05 - 0.01, 2 * (0.05 - 0.01), 0.05 + 0.01 + 0.2 * 0.4, 0.05 + 0.01], atol=1e-15
     )
     spun = Wheels(PYRAMID, 0.4, coulomb_friction=0.01)
-    piece = piece_after(spun, momentum, jnp.asarray(asked), jnp.array(0.0))
+    piece = spun.held_piece(WheelMomenta(momentum), jnp.asarray(asked), jnp.array(0.0))
     np.testing.assert_allclose(piece.torque(momentum)[jnp.array([0, 3])], 0.05, atol=1e-15)
 
 

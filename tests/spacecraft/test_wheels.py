@@ -13,7 +13,6 @@ from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.distribution import WheelsFirst
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.thrusters import Thrusters
-from jaxsat.spacecraft.wheel_motion import snapped
 from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 from oracle.gyrostat import wheel_motion, wheel_torque
 
@@ -117,9 +116,13 @@ def test_momenta_are_exact_where_a_wheel_comes_to_rest_or_its_limit():
     one, begin, command = wheel(viscous_friction=None), jnp.array([0.5]), jnp.array([0.1])
     rest, limit = jnp.sort(edges_of(one, begin, command, jnp.array(100.0)))
     reached = jnp.array([3e-17])
-    assert snapped(one, begin, command, rest, reached) == 0
-    assert snapped(one, begin, command, limit, reached - 1.0 + 1e-15) == -1
-    assert snapped(one, begin, command, (rest + limit) / 2, reached) == reached
+
+    def snapped(elapsed, momentum):
+        return one.snapped(WheelMomenta(begin), command, elapsed, WheelMomenta(momentum)).momentum
+
+    assert snapped(rest, reached) == 0
+    assert snapped(limit, reached - 1.0 + 1e-15) == -1
+    assert snapped((rest + limit) / 2, reached) == reached
 
 
 @pytest.mark.slow
