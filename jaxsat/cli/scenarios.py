@@ -113,9 +113,9 @@ def _verdict(file: str, overrides: Sequence[str]) -> list[str]:
     """Return lines on the uses of a valid file; raises `ScenarioError` with every error."""
     from jaxsat.scenario.read import given_keys
 
-    given = {key.partition(".")[0] for key in given_keys(file, overrides)}
-    if says_no_more_than_a_vehicle(given):
-        missing = [one for one in ("orbit", *TABLES) if one not in given]
+    tables = {key.partition(".")[0] for key in given_keys(file, overrides)}
+    if says_no_more_than_a_vehicle(tables):
+        missing = [one for one in ("orbit", *TABLES) if one not in tables]
         title = load_vehicle(file, overrides).scenario.title
         return [
             f"{clean(file)}: valid for controllability and design ({title})",

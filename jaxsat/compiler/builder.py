@@ -107,10 +107,10 @@ class Builder:
             return None
         truth = self.truths.get(x.number)
         ones = x.dtype.type(1), x.dtype.type(0)
-        chosen = self.predicates.selection(x) if truth is None else (truth, *ones)
-        if chosen is None:
+        selection = self.predicates.selection(x) if truth is None else (truth, *ones)
+        if selection is None:
             return None
-        predicate, *parts = chosen
+        predicate, *parts = selection
         equal = [
             self.ranges.simplified("eq", (part, number))
             if isinstance(part, ir.Value)
@@ -203,13 +203,13 @@ class Builder:
         params = [ir.Value(x.dtype, u) for x, u in zip(before, uniform, strict=True)]
         written = self.written
         step = self._loop(params, before, condition, body, varying)
-        if self.compact and (known := ranges_in(step, self.ranges)):
+        if self.compact and (ranges := ranges_in(step, self.ranges)):
             self.written = written  # once more, with what is known now
-            for place, (_, after) in known.items():
+            for place, (_, after) in ranges.items():
                 self.ranges.note(params[place], *after)
-            inside = {params[place]: within for place, (within, _) in known.items()}
+            inside = {params[place]: within for place, (within, _) in ranges.items()}
             step = self._loop(params, before, condition, body, varying, inside)
-            for place, (_, after) in known.items():
+            for place, (_, after) in ranges.items():
                 self.ranges.note(params[place], *after)
         if not isinstance(step.active, ir.Value) and not step.active:  # what is around decides it
             self.written = written
@@ -326,9 +326,9 @@ class Builder:
         self.block.steps.append(ir.Call(function, list(args), outs))
         if bounds is None:
             bounds = [self.ranges.of(x) for x in function.results]
-        for out, known in zip(outs, bounds, strict=True):
-            if known is not None:
-                self.ranges.note(out, *known)
+        for out, limits in zip(outs, bounds, strict=True):
+            if limits is not None:
+                self.ranges.note(out, *limits)
         self._note(*outs)
         self.block.known[key] = outs  # pyright: ignore[reportArgumentType]
         return list(outs)
@@ -360,7 +360,7 @@ class Builder:
     def _everywhere(self, index, masks, blocks, yields) -> list[ir.Scalar]:
         """Run cheap branches in all lanes, others where a lane needs them."""
         whole = are_cheap(blocks)
-        chosen: list[ir.Scalar] | None = None
+        values: list[ir.Scalar] | None = None
         dear = []
         for number in reversed(range(len(blocks))):
             block, results = blocks[number], yields[number]
@@ -369,18 +369,18 @@ class Builder:
                 continue
             self.block.steps += block.steps
             self.block.known |= block.known
-            if chosen is None:
-                chosen = list(results)
+            if values is None:
+                values = list(results)
             else:
                 here = self.operation("eq", index, index.dtype.type(number))
-                chosen = [self.select(here, a, b) for a, b in zip(results, chosen, strict=True)]
+                values = [self.select(here, a, b) for a, b in zip(results, values, strict=True)]
         for number in reversed(dear):
             block, results, mask = blocks[number], yields[number], masks[number]
-            if chosen is None:
-                chosen = [result.dtype.type(0) for result in results]
+            if values is None:
+                values = [result.dtype.type(0) for result in results]
             with self.inside(block, mask):
-                merged = [self.select(mask, a, b) for a, b in zip(results, chosen, strict=True)]
+                merged = [self.select(mask, a, b) for a, b in zip(results, values, strict=True)]
             branch = self.convert(self.any(mask), INT)
-            chosen = self._switch(branch, [ir.Block(self.block), block], [chosen, merged])
-        assert chosen is not None
-        return chosen
+            values = self._switch(branch, [ir.Block(self.block), block], [values, merged])
+        assert values is not None
+        return values

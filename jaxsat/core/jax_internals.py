@@ -292,8 +292,8 @@ def _evaluate(program: Any, values: Sequence[Any]) -> list[Any]:
         elif layout.name == CALL and not layout.unknown:
             results = _evaluate(layout.parameters["body"], operands)
         else:
-            found = equation.primitive.bind(*operands, **equation.params)
-            results = found if equation.primitive.multiple_results else [found]
+            results = equation.primitive.bind(*operands, **equation.params)
+            results = results if equation.primitive.multiple_results else [results]
         places.update(zip(equation.outvars, results, strict=True))
     return [value(atom) for atom in jaxpr.outvars]
 

@@ -276,13 +276,9 @@ def _operands(operation: str, dtype: np.dtype) -> Iterator[tuple[np.generic, ...
     return product(numbers, seconds)
 
 
-def _arguments(function: ir.Function) -> list[tuple[np.generic, ...]]:
-    return list(product(_numbers(function.params[0].dtype), repeat=len(function.params)))
-
-
 def _rows(function: ir.Function) -> list[list[np.generic]]:
     """Return arguments and results, all at once for a program without branches."""
-    args = _arguments(function)
+    args = list(product(_numbers(function.params[0].dtype), repeat=len(function.params)))
     is_straight = all(isinstance(step, ir.Operation) for step in function.block.steps)
     rows = []
     for group in [args] if is_straight else [[one] for one in args]:

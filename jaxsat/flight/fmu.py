@@ -212,8 +212,8 @@ def _variable(item: Item, use: str, value: float, number: int) -> str:
         start = str(np.float32(value) if kind == "Float32" else value)
     else:
         start = str(bool(value)).lower() if kind == "Boolean" else str(int(value))
-    told = {"INPUT": ("input", "" if is_float else "discrete"), "READ": ("output", "discrete")}
-    causality, variability = told.get(use, ("parameter", "tunable"))
+    roles = {"INPUT": ("input", "" if is_float else "discrete"), "READ": ("output", "discrete")}
+    causality, variability = roles.get(use, ("parameter", "tunable"))
     attributes = {
         "name": item.name,
         "valueReference": str(number),
@@ -236,10 +236,10 @@ def _unit(unit: str) -> str:
         for word in words.split():
             if word == "1":
                 continue
-            found = re.fullmatch(r"([A-Za-z]+)(\d*)", word)
-            if found is None or found[1] not in DIMENSIONS:
+            match = re.fullmatch(r"([A-Za-z]+)(\d*)", word)
+            if match is None or match[1] not in DIMENSIONS:
                 return f"    <Unit name={quoteattr(unit)}/>"
-            for base, power in DIMENSIONS[found[1]].items():
-                exponents[base] = exponents.get(base, 0) + sign * power * int(found[2] or 1)
+            for base, power in DIMENSIONS[match[1]].items():
+                exponents[base] = exponents.get(base, 0) + sign * power * int(match[2] or 1)
     powers = " ".join(f'{base}="{power}"' for base, power in exponents.items() if power)
     return f"    <Unit name={quoteattr(unit)}><BaseUnit {powers}/></Unit>"

@@ -79,14 +79,14 @@ def tuned(
     """Return the parameters that keys of `[control]` set, if finite, and the limits of the guard,
     with their defaults; `hold_samples` is the guard's."""
     row_of = {row.name: row for row in rows if row.structure == "controller_parameters"}
-    found = []
+    items = []
     for one in of_parameters:
         default, field = np.asarray(one.default), one.field
         is_plan = is_of_plan(field)  # larger than a framework's parameters usually may be
         if one.key is not None and not is_plan and np.isfinite(default).all():
             row = row_of[field.name]
             item = _item(row, "read")
-            found.append((replace(item, about=f"{row.path}, {item.about}"), default))
+            items.append((replace(item, about=f"{row.path}, {item.about}"), default))
     limits = {
         "hold_samples": hold_samples,
         "rate_limit": RATE_LIMIT,
@@ -94,8 +94,8 @@ def tuned(
     }
     for row in rows:
         if row.structure == "controller_guard_parameters":
-            found.append((_item(row, "limits", "guard_"), np.asarray(limits[row.name])))
-    return found
+            items.append((_item(row, "limits", "guard_"), np.asarray(limits[row.name])))
+    return items
 
 
 def _sorted(items: Sequence[Item]) -> list[Item]:

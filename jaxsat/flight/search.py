@@ -58,14 +58,14 @@ def found_calls(
     if compiler is None:
         raise NoSearch(f"no C compiler ({HOST}) is installed")
     status = Path(compiler).stat()
-    given = _given(program, of_parameters, drawn, samples)
+    numbers = _given(program, of_parameters, drawn, samples)
     sources = {**files, "search_calls.c": template("search_calls.c")}
-    origin = (BLOCKS, compiler, status.st_size, status.st_mtime_ns, *sources.items(), given)
+    origin = (BLOCKS, compiler, status.st_size, status.st_mtime_ns, *sources.items(), numbers)
     entry = f"{hashlib.sha256(repr(origin).encode()).hexdigest()}.calls"
     content = cache.kept(entry)
     if content is None:
         try:
-            content = _search(sources, given)
+            content = _search(sources, numbers)
         except (OSError, subprocess.SubprocessError) as error:
             raise NoSearch(_reason(error)) from None
         cache.keep(entry, content)

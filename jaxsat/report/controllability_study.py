@@ -149,8 +149,8 @@ def controllability_study(
     lines += [] if stuck is None else [stuck]
     balance, gyros = undriven_balance(scenario), _gyro_cluster(scenario)
     lines += [] if balance is None else [" ".join(balance.lines())]
-    held = held_with_momentum(scenario, judgement)
-    lines += [] if held is None else [held]
+    holding = held_with_momentum(scenario, judgement)
+    lines += [] if holding is None else [holding]
     lines += [*_magnetic_lines(scenario), *([] if gyros is None else gyros.lines())]
     if len(cases[0].working) > MAX_ACTUATORS:
         lines.append(f"More than {MAX_ACTUATORS} actuators: only single and double failures")

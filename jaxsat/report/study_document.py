@@ -134,17 +134,13 @@ def rankings(summary: Summary) -> Iterator[Table | Lines]:
             yield Lines(f"Sensitivity of {result}", [message])
 
 
-def _short(value: float) -> str:
-    return number_text(value, 3)
-
-
 def _ranking(title: str, ranking: list[Sensitivity]) -> Table:
     ranking = sorted(ranking, key=lambda one: not one.matters)
     rows: list[list[Cell]] = [
         [
             one.name,
             *(
-                Shown(interval_text(part, _short), part.value)
+                Shown(interval_text(part, lambda value: number_text(value, 3)), part.value)
                 for part in (one.first_order, one.rank_correlation)
             ),
             "yes" if one.matters else "no",

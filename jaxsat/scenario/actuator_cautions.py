@@ -255,10 +255,10 @@ def _largest_load(
     sizes = np.linalg.norm(normals, axis=1)
     normals = normals[sizes > ROUNDING] / sizes[sizes > ROUNDING, None]
     normals = np.vstack([normals, -normals])
-    along, wanted = normals @ axes, normals @ demand
+    along, needs = normals @ axes, normals @ demand
     capacity = np.maximum(along * low, along * high).sum(axis=1)
     small = ROUNDING * max(np.linalg.norm(demand), float(high.max()), float(-low.min()))
-    share = np.where(wanted > small, wanted / np.maximum(capacity, small), 0.0)
+    share = np.where(needs > small, needs / np.maximum(capacity, small), 0.0)
     worst = int(np.argmax(share))
     return float(share[worst]), normals[worst]
 

@@ -45,8 +45,8 @@ def _other_law() -> dict[str, Any]:
 
 def _names(kind: PluginKind) -> list[dict[str, Any]]:
     """Return the alternatives for the name of a part."""
-    known = [*kind.own, *sorted(set(installed(kind)) - set(kind.own))]
-    return [{"enum": known}] * bool(known) + [{"type": "string", "pattern": ":"}]
+    names = [*kind.own, *sorted(set(installed(kind)) - set(kind.own))]
+    return [{"enum": names}] * bool(names) + [{"type": "string", "pattern": ":"}]
 
 
 def _for_editors(schema: Any) -> Any:

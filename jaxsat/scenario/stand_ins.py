@@ -50,14 +50,14 @@ def _give_types(conversion: Conversion, name: str) -> None:
     data, types_name = conversion.data, type_name(name)
     types = dict(_named_tables(data.get(types_name)))
     for location, device in _tables(data, name):
-        chosen = device.get("type")
-        if not isinstance(chosen, str) or chosen not in types:
+        name_of_type = device.get("type")
+        if not isinstance(name_of_type, str) or name_of_type not in types:
             continue
         del device["type"]
-        for key, value in types[chosen].items():
+        for key, value in types[name_of_type].items():
             if key not in device and key in TYPES[types_name].model_fields:
                 device[key] = value
-                conversion.places[(*location, key)] = (types_name, chosen, key)
+                conversion.places[(*location, key)] = (types_name, name_of_type, key)
 
 
 def _convert_attitude(conversion: Conversion) -> None:

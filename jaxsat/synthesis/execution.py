@@ -133,8 +133,8 @@ def resumable_folder(
             raise OutputError(
                 f"{folder.path} holds another {what} ({'; '.join(other)}); give another folder."
             )
-        begun = folder.about.get("machine", {})
-        if elsewhere is False and (other := differences(begun, about["machine"])):
+        machine_then = folder.about.get("machine", {})
+        if elsewhere is False and (other := differences(machine_then, about["machine"])):
             raise OutputError(
                 f"{folder.path} was begun under other conditions ({'; '.join(other)}), so results "
                 "may differ in their last bits; allow that explicitly or give another folder.",

@@ -38,7 +38,7 @@ def run_lanes(lanes: int, going: int) -> str:
 
     The entry points are those of `advance_lanes`, so a case has the same bits.
     """
-    assign = "\n".join(_assigned(lane) for lane in range(lanes))
+    assign = "\n".join(_text("assigned.ll", LANE=lane, NEXT=lane + 1) for lane in range(lanes))
     return _text("run_lanes.ll", LANES=lanes, GOING=going, BITS=8 * lanes, ASSIGN=assign)
 
 
@@ -50,11 +50,6 @@ def history(lanes: int) -> str:
     first may be the same. The observation of a case goes to its place, `stride` further each time.
     """
     return _text("history.ll", LANES=lanes)
-
-
-def _assigned(lane: int) -> str:
-    """Return the assignment of the next case, if any, to a lane whose last one has ended."""
-    return _text("assigned.ll", LANE=lane, NEXT=lane + 1)
 
 
 def gather_text(name: str, kind: str, lanes: int) -> str:

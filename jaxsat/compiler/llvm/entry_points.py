@@ -69,8 +69,8 @@ class EntryPoint:
         params = list(zip(self.function.params, self.inputs, strict=True))
         for param, place in params:
             needs[param.number] += new.get(place, [])
-        wanted = [result for result, place in pairs if place in locations]
-        live = reachable(needs, ir.numbers_of(wanted))
+        outputs = [result for result, place in pairs if place in locations]
+        live = reachable(needs, ir.numbers_of(outputs))
         again = {place for param, place in params if param.number in live}
         keep = [place in locations or place in again for place in self.outputs]
         results = list(compress(self.function.results, keep))
@@ -111,12 +111,12 @@ def emit_entry_point(module: Module, entry: EntryPoint) -> None:
         if param.number not in of_cases or param.number in used:
             body.read(param, location)
     body.program(entry.function)
-    chosen = {
+    selections = {
         step.out.number: step
         for step in entry.function.block.steps
         if isinstance(step, ir.Operation) and step.name == "select"
     }
-    masked = [_new(result, location, locations, chosen) for result, location in moved]
+    masked = [_new(result, location, locations, selections) for result, location in moved]
     for result, conditions, _ in masked:
         for scalar in (result, *conditions):
             body.operand(scalar)  # read before anything is written

@@ -63,7 +63,7 @@ def ranges_in(step: Loop, ranges: Ranges) -> dict[int, tuple[Bounds, Bounds]]:
     if bound is None:
         return {}
     turns = max(0, bound.end - int(step.before[bound.counter]))  # pyright: ignore
-    known: dict[int, tuple[Bounds, Bounds]] = {}
+    bounds: dict[int, tuple[Bounds, Bounds]] = {}
     for i, (param, before, after) in enumerate(
         zip(step.params, step.before, step.after, strict=True)
     ):
@@ -73,17 +73,17 @@ def ranges_in(step: Loop, ranges: Ranges) -> dict[int, tuple[Bounds, Bounds]]:
         most = _most_added(after, param, makers)
         last = begin + turns * (most or 0)
         if most is not None and last <= np.iinfo(param.dtype).max:
-            known[i] = (begin, max(begin, last - most)), (begin, last)
-    inside = {step.params[i].number: within for i, (within, _) in known.items()}
+            bounds[i] = (begin, max(begin, last - most)), (begin, last)
+    inside = {step.params[i].number: within for i, (within, _) in bounds.items()}
     for i, (param, before, after) in enumerate(
         zip(step.params, step.before, step.after, strict=True)
     ):
         first = ranges.of(before)
-        if param.dtype.kind in "iu" and i not in known and first is not None:
-            chosen = _chosen(after, param, makers, ranges, inside)
-            if chosen is not None:
-                known[i] = (united(first, chosen), united(first, chosen))
-    return known
+        if param.dtype.kind in "iu" and i not in bounds and first is not None:
+            choice = _chosen(after, param, makers, ranges, inside)
+            if choice is not None:
+                bounds[i] = (united(first, choice), united(first, choice))
+    return bounds
 
 
 def _chosen(

@@ -176,14 +176,14 @@ class _Narrowing:
 
 def _units(function: ir.Function) -> set[int]:
     """Return the numbers of long values that are -1, 0 or 1: truth values and choices of these."""
-    found: set[int] = set()
+    units: set[int] = set()
     for step in steps_in(function.block):
         if isinstance(step, ir.Operation) and step.out.dtype == WIDE:
             is_truth = step.name == "convert" and step.args[0].dtype == bool
             parts = step.args[1:] if step.name == "select" else ()
-            if is_truth or (parts and all(_is_unit(x, found) for x in parts)):
-                found.add(step.out.number)
-    return found
+            if is_truth or (parts and all(_is_unit(x, units) for x in parts)):
+                units.add(step.out.number)
+    return units
 
 
 def _is_unit(x: ir.Scalar, units: set[int]) -> bool:

@@ -87,14 +87,14 @@ class Predicates:
         """Return the outcomes of predicates, by number, that follow from the outcome of one."""
         if not isinstance(predicate, Value):
             return {}
-        found = {predicate.number: holds}
+        outcomes = {predicate.number: holds}
         if predicate.number in self._opposite:
-            found |= self.implied(self._opposite[predicate.number], holds=not holds)
+            outcomes |= self.implied(self._opposite[predicate.number], holds=not holds)
         name, args = self._joined.get(predicate.number, ("", ()))
         if (name == "and") == holds:
             for one in args:
-                found |= self.implied(one, holds=holds)
-        return found
+                outcomes |= self.implied(one, holds=holds)
+        return outcomes
 
     def tested(
         self, active: Scalar, params: Sequence[Value], before: Sequence[Scalar]
@@ -103,11 +103,11 @@ class Predicates:
 
         The first test held too, of the initial values (`before`) of the loop's params.
         """
-        found = self.implied(active, holds=True)
+        outcomes = self.implied(active, holds=True)
         for param, first in zip(params, before, strict=True):
-            if param.number in found:
-                found |= self.implied(first, holds=found[param.number])
-        return found
+            if param.number in outcomes:
+                outcomes |= self.implied(first, holds=outcomes[param.number])
+        return outcomes
 
     def selection(self, x: Value) -> tuple[Scalar, ...] | None:
         """Return the predicate and the parts of a selection, None for another value."""

@@ -241,13 +241,13 @@ def covered(conditions: int, vectors: set[tuple[int, int, int]]) -> list[bool]:
     """Which conditions of a decision are covered by its evaluations (evaluated, held, outcome)."""
     yes = [one for one in vectors if one[2]]
     no = [one for one in vectors if not one[2]]
-    found = [False] * conditions
+    coverage = [False] * conditions
     for first in yes:
         for second in no:
             differ = (first[1] ^ second[1]) & first[0] & second[0]
             if differ and not differ & (differ - 1):
-                found[differ.bit_length() - 1] = True
-    return found
+                coverage[differ.bit_length() - 1] = True
+    return coverage
 
 
 def report(text: str, recorded: str) -> str:
@@ -259,12 +259,12 @@ def report(text: str, recorded: str) -> str:
         vectors.setdefault(number, set()).add((vector[0], vector[1], vector[2]))
     lines, total, whole, outcomes = [], [0, 0], 0, 0
     for number, one in enumerate(decisions):
-        found = covered(len(one.conditions), vectors.get(number, set()))
+        coverage = covered(len(one.conditions), vectors.get(number, set()))
         outcomes += len({vector[2] for vector in vectors.get(number, ())})
-        total[0] += sum(found)
-        total[1] += len(found)
-        whole += all(found)
-        for place, is_covered in enumerate(found):
+        total[0] += sum(coverage)
+        total[1] += len(coverage)
+        whole += all(coverage)
+        for place, is_covered in enumerate(coverage):
             if not is_covered:
                 seen = vectors.get(number, set())
                 values = {held >> place & 1 for done, held, _ in seen if done >> place & 1}

@@ -255,10 +255,10 @@ def full_wheels_words(scenario: Scenario) -> str | None:
     frames = into_frame(rate * times)
     inertial = np.einsum("nij,ni->nj", frames, torques)
     steps = np.diff(times)[:, None] * (inertial[1:] + inertial[:-1]) / 2
-    given = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+    momenta = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
     few = np.unique(np.linspace(0, count, min(count, MOST_JUDGED) + 1).astype(int))
-    given = np.einsum("nij,nj->ni", frames[few], given[few])
-    full = fills_wheels(scenario, times[few], given)
+    momenta = np.einsum("nij,nj->ni", frames[few], momenta[few])
+    full = fills_wheels(scenario, times[few], momenta)
     if full is None:
         return None
     return (

@@ -55,8 +55,8 @@ def build_tachometers(scenario: Scenario) -> Tachometers | None:
     fails."""
     noise, key = tachometer_noise(scenario), key_of_seed(scenario.simulation.seed)
     strikes = ((number_of(one.of, TACHOMETER, scenario.wheel), one) for one in scenario.failure)
-    given = [(number, one) for number, one in strikes if number is not None]
-    failures = TachometerFailures.from_tables(given)
+    numbered = [(number, one) for number, one in strikes if number is not None]
+    failures = TachometerFailures.from_tables(numbered)
     if has_invalid_momenta(scenario):
         names = (f"tachometer_outage{end}_s" for end in ("_start", "", "_every"))
         times = [[getattr(one, name) for one in scenario.wheel] for name in names]
@@ -125,8 +125,8 @@ def _declared(scenario: Scenario, plant: RigidBody) -> RigidBody:
 
 def _failures(scenario: Scenario, orbit: AbstractOrbit) -> SensorFailures | None:
     """Failures of the attitude sensors, numbered among those of the scenario."""
-    given = [one.name for one in ATTITUDE_SENSORS if getattr(scenario, one.name) is not None]
-    strikes = [(given.index(one.of), one) for one in scenario.failure if one.of in given]
+    names = [one.name for one in ATTITUDE_SENSORS if getattr(scenario, one.name) is not None]
+    strikes = [(names.index(one.of), one) for one in scenario.failure if one.of in names]
     return SensorFailures.from_tables(strikes, orbit)
 
 

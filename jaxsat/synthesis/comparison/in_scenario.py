@@ -1,6 +1,6 @@
 """Laws compared on the dispersed cases of any scenario, with its failures in flight."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,7 +21,6 @@ from jaxsat.studies.work import study_work
 from jaxsat.synthesis.comparison.acceptance import FILE, validated
 from jaxsat.synthesis.comparison.run import (
     KIND,
-    ComparisonRun,
     UnsuitableLaw,
     scenario_figures,
     write_record,
@@ -34,7 +33,7 @@ from jaxsat.synthesis.comparison.verdict import (
     prices_of,
 )
 from jaxsat.synthesis.controller_design.candidates import SLOW_LAWS, usual_control
-from jaxsat.synthesis.execution import Execution, Listener, folder_of_call
+from jaxsat.synthesis.execution import Execution, Listener, folder_of_call, run_columns
 
 ALL = "all"
 """Name for the scenario's own law and all others that fit its actuators."""
@@ -127,8 +126,15 @@ def compare_in_scenario(
         listener.remark(f"{law} flies alone: no other law was given that suits the scenario")
     listener.approve([study_work(study, None) for _, study in studies.values()])
     with folder_of_call(out, KIND) as folder:
-        run = ComparisonRun(count, seed, folder.path, execution, listener)
-        comparison = _compare(scenario, studies, run)
+        rows, recoveries = [], []
+        for law, (under, study) in studies.items():
+            store = named_store(folder.path, law)
+            columns = run_columns(study, under, store, law, execution, listener)
+            setting, prices = ScenarioSetting(scenario.title, law), prices_of(under, columns)
+            rows.append(comparison_row(setting, columns, prices=prices))
+            recoveries.append(summarise_recovery(open_study(store), np.arange(count)))
+        verdict = ScenarioVerdict(scenario.title, *chosen_law(rows))
+        comparison = ScenarioComparison(rows, recoveries, verdict)
         if out is not None:
             _write(folder, scenario, comparison, seed)
         return comparison
@@ -166,19 +172,6 @@ def _study(
         return refined_study(scenario_under(scenario, law), count, tell, **keys)
     except ValueError as error:
         raise UnsuitableLaw(str(error)) from error
-
-
-def _compare(
-    scenario: Scenario, studies: Mapping[str, tuple[Scenario, Study]], run: ComparisonRun
-) -> ScenarioComparison:
-    rows, recoveries = [], []
-    for law, (under, study) in studies.items():
-        store = named_store(run.folder, law)
-        columns = run.columns(study, under, law, store)
-        setting, prices = ScenarioSetting(scenario.title, law), prices_of(under, columns)
-        rows.append(comparison_row(setting, columns, prices=prices))
-        recoveries.append(summarise_recovery(open_study(store), np.arange(run.count)))
-    return ScenarioComparison(rows, recoveries, ScenarioVerdict(scenario.title, *chosen_law(rows)))
 
 
 def _write(

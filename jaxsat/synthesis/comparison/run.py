@@ -10,13 +10,11 @@ import numpy as np
 
 from jaxsat.core.declaration.settling import TUNED_LIMITS
 from jaxsat.core.errors import JaxsatError
-from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build
 from jaxsat.store.labels import acceptance_store
 from jaxsat.store.provenance import record_of
 from jaxsat.store.resumable import ResumableFolder
 from jaxsat.store.tables import case_table, open_study
-from jaxsat.studies.ensemble import Study
 from jaxsat.studies.work import Work
 from jaxsat.synthesis.comparison.acceptance import (
     LAWS,
@@ -212,14 +210,8 @@ class ComparisonRun:
         level, limit, law = setting
         what = f"{law}, {limit:g} N m, {level}, {start.value} start"
         store = acceptance_store(self.folder, *setting, start.value)
-        return self.columns(study, comparison_scenario(setting), what, store)
-
-    def columns(
-        self, study: Study, scenario: Scenario, what: str, store: Path
-    ) -> dict[str, np.ndarray]:
-        """Run the missing cases of a study of a scenario, and return its columns."""
-        work = (study, scenario, store, what)
-        return run_columns(*work, self.execution, self.listener)
+        scenario = comparison_scenario(setting)
+        return run_columns(study, scenario, store, what, self.execution, self.listener)
 
 
 def _several(values: Any) -> tuple:

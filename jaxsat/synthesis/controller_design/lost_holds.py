@@ -49,13 +49,13 @@ def lost_holds(scenario: Scenario) -> str | None:
     if orbit_rate(scenario) == 0 or scenario.dispersion is None:
         return None
     drifts = _drifts(scenario)
-    lost = sum(abs(one.drift) > one.balanced for one in drifts)
-    if lost <= FEW * len(drifts):
+    count = sum(abs(one.drift) > one.balanced for one in drifts)
+    if count <= FEW * len(drifts):
         return None
     hopeless = sum(abs(one.drift) > one.most_balanced for one in drifts)
     c = dimensionless_numbers(scenario)["coupling"]
     return (
-        f"In orbit with c = {c:.2g}, {lost} of {len(drifts)} bodies drawn from [dispersion] drift "
+        f"In orbit with c = {c:.2g}, {count} of {len(drifts)} bodies drawn from [dispersion] drift "
         "at rest about the unactuated axis by more than attitudes within the tolerances and "
         f"oscillations of the tolerated rate balance, {hopeless} of them by more than any periodic "
         "rates balance. No law of jaxsat holds such a body for ever: a hold ends after some time "

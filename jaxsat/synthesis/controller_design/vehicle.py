@@ -110,12 +110,12 @@ class Scale(NamedTuple):
 
 def require_judged(scenario: Scenario) -> None:
     """Raise `UnsuitableVehicle` for actuators that the verdict does not include."""
-    counted = [one.name for one in ACTUATORS if one.judged]
+    names = [one.name for one in ACTUATORS if one.judged]
     for one in ACTUATORS:
-        if getattr(scenario, one.name) and one.name not in counted:
+        if getattr(scenario, one.name) and one.name not in names:
             raise UnsuitableVehicle(
                 f"{one.name} must be omitted: jaxsat designs controllers by a verdict that counts "
-                f"{', '.join(counted)} alone"
+                f"{', '.join(names)} alone"
             )
 
 

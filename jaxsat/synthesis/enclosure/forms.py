@@ -215,9 +215,9 @@ def smooth(form: Form, value, slope, bends, ends, scale=1.0) -> Form:
     change[0] = 0
     change = Form(change, form.starts)
     curve = multiply(exact(middle / 2), multiply(change, change))
-    found = add(exact(value), add(multiply(exact(slope), change), curve))
-    found.rows[1] += error
-    return pick(error < bounds.rest, found, bounds)
+    taylor = add(exact(value), add(multiply(exact(slope), change), curve))
+    taylor.rows[1] += error
+    return pick(error < bounds.rest, taylor, bounds)
 
 
 def pick(condition: Numbers, form: Form, other: Form) -> Form:

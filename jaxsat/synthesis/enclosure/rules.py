@@ -91,10 +91,6 @@ def _extreme(function: Callable) -> Rule:
     return rule
 
 
-def _clamped(low: Form, x: Form, high: Form) -> Form:
-    return functions.smaller(functions.larger(x, low), high)
-
-
 def _chosen(parameters: Mapping, truth: Form, *cases: Form) -> Form:
     if len(cases) != 2:
         raise ArgumentError("function", "must select between two cases", len(cases))
@@ -179,7 +175,7 @@ _PLAIN: dict[str, Callable[..., Form]] = {
     "floor": functions.floor,
     "max": functions.larger,
     "min": functions.smaller,
-    "clamp": _clamped,
+    "clamp": lambda low, x, high: functions.smaller(functions.larger(x, low), high),
     "lt": functions.below,
     "le": functions.at_most,
     "gt": lambda x, y: functions.below(y, x),

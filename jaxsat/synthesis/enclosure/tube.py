@@ -98,10 +98,10 @@ class _Hold(NamedTuple):
 
     def at(self, time: Form) -> Form:
         """Return the state at a time, or over an interval of it."""
-        found = self.coefficients[-1]
+        value = self.coefficients[-1]
         for one in self.coefficients[-2::-1]:
-            found = add(multiply(found, time), one)
-        return add(found, self.deviation)
+            value = add(multiply(value, time), one)
+        return add(value, self.deviation)
 
 
 def _along(rate: Callable, function: Callable, state):
@@ -218,12 +218,12 @@ class _Loop:
         change, sizes = (np.maximum(-one.lower, one.upper) for one in (change, slopes))
         bound = 2 * duration * change + 1e-300
         for _ in range(12):
-            found = duration * (change + sizes @ bound) * (1 + SLACK)
-            if (found <= 0.99 * bound).all():
-                later = duration * change + sizes @ (change + sizes @ found) * (duration**2 / 2)
-                found = np.minimum(found, later * (1 + SLACK))
-                return between(-found, found)
-            bound = 2 * found
+            radius = duration * (change + sizes @ bound) * (1 + SLACK)
+            if (radius <= 0.99 * bound).all():
+                later = duration * change + sizes @ (change + sizes @ radius) * (duration**2 / 2)
+                radius = np.minimum(radius, later * (1 + SLACK))
+                return between(-radius, radius)
+            bound = 2 * radius
         return None
 
 

@@ -88,15 +88,15 @@ def verify(
     identity |= {"failures": failures, "pairs": pairs, "engine": execution.engine}
     with folder_of_call(out, KIND, identity) as folder:
         listener.progress("nominal run", None)
-        shown = list(_of_nominal(scenario, folder, listener.remark))
+        evidence = list(_of_nominal(scenario, folder, listener.remark))
         rows: list[FailureRow] = []
         for one in studies:
             columns = one.columns(folder, rule, execution, listener) if one.names else {}
             again = f"jaxsat montecarlo {folder.path / one.file} --case {{}}"
-            shown += one.shown(columns, rule, again)
+            evidence += one.shown(columns, rule, again)
             rows += one.failure_rows(columns, again)
         sentences = {one.id: one.text or one.formula for one in scenario.requirement}
-        result = Verification(scenario.title, demand, sentences, shown, rows, not_tried)
+        result = Verification(scenario.title, demand, sentences, evidence, rows, not_tried)
         if out is not None:
             _write(folder, result)
         return result
