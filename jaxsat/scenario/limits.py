@@ -31,7 +31,7 @@ MAX_WORD_LENGTH = 100
 MAX_TEXT_LENGTH = 20_000
 """Largest number of characters of one text, quotes and escapes included."""
 
-_TOKEN = re.compile(
+TOKEN = re.compile(
     r'"""(?:[^"\\]|\\.|"(?!""))*+"{3,5}'  # multi-line texts, then single-line texts
     r"|'''(?:[^']|'(?!''))*+'{3,5}"
     r'|"(?!"")(?:[^"\\\n]|\\.)*+"'
@@ -41,6 +41,7 @@ _TOKEN = re.compile(
     r"|[\s\"'\[\]{}.,=]",
     re.DOTALL,
 )
+"""A token of TOML: a text, a comment, a word, or one other character."""
 
 
 class Excess(JaxsatError, ValueError):
@@ -63,7 +64,7 @@ def require_modest(text: str) -> None:
     keys = parts = 0
     in_value = False  # on this line, after an equals sign
     entries: list[int] = []  # of each open bracket
-    for match in _TOKEN.finditer(text):
+    for match in TOKEN.finditer(text):
         token = match.group()
         first = token[0]
         if token in ('"', "'"):

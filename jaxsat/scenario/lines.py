@@ -1,17 +1,9 @@
 """Line numbers of the keys and array entries of a TOML file."""
 
-import bisect
-import re
 import tomllib
 
 from jaxsat.scenario.errors import Location
-
-_BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
-_SPACE = re.compile(r"[ \t]*")
-_QUOTED = re.compile(r'"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'')
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
-_LONG_TEXT = re.compile(r'"""(?:[^\\]|\\.)*?"{3,5}|\'\'\'.*?\'{3,5}', re.DOTALL)
-_SCALAR = re.compile(r"[^,\]}\n#]+")
+from jaxsat.scenario.limits import TOKEN
 
 
 def line_map(text: str) -> dict[Location, int]:
@@ -27,38 +19,38 @@ def nearest_line(lines: dict[Location, int], location: Location) -> int:
 
 
 class _Scanner:
-    """One pass over a valid document."""
+    """One pass over the tokens of a valid document, without spaces and comments."""
 
     def __init__(self, text: str):
-        self.text = text
-        self.position = 0
-        self.newlines = [match.start() for match in re.finditer("\n", text)]
+        self.tokens: list[tuple[str, int]] = []
+        line = 1
+        for token in TOKEN.findall(text):
+            if token == "\n" or not (token.isspace() or token.startswith("#")):
+                self.tokens.append((token, line))
+            line += token.count("\n")
+        self.tokens.append(("", line))
+        self.place = 0
         self.lines: dict[Location, int] = {}
         self.array_tables: dict[Location, int] = {}
 
     def document(self) -> dict[Location, int]:
         table: Location = ()
-        self._skip(_BLANK)
-        while self.position < len(self.text):
+        while self._skip(("\n",)):
             if self._peek() == "[":
                 table = self._header()
             else:
                 self._pair(table)
-            self._skip(_BLANK)
         return self.lines
 
     def _header(self) -> Location:
-        line = self._line()
-        is_array = self.text.startswith("[[", self.position)
-        self.position += 2 if is_array else 1
-        self._skip(_SPACE)
-        path = self._key()
-        self.position += 2 if is_array else 1
+        line, is_array = self._take(), self._peek() == "["
+        path = self._key("]")
         for end in range(1, len(path)):
             self.lines.setdefault(path[:end], line)
         if not is_array:
             self.lines[path] = line
             return path
+        self._take()
         self.lines.setdefault(path, line)
         number = self.array_tables.get(path, -1) + 1
         self.array_tables[path] = number
@@ -66,79 +58,50 @@ class _Scanner:
         return (*path, number)
 
     def _pair(self, table: Location) -> None:
-        line = self._line()
-        path = table + self._key()
+        line = self.tokens[self.place][1]
+        path = table + self._key("=")
         for end in range(len(table) + 1, len(path) + 1):
             self.lines.setdefault(path[:end], line)
-        self.position += 1  # the equals sign
-        self._skip(_SPACE)
         self._value(path)
 
-    def _key(self) -> Location:
-        parts: list[str | int] = []
-        while True:
-            quoted = _QUOTED.match(self.text, self.position)
-            match = quoted or _BARE.match(self.text, self.position)
-            if match is None:
-                raise ValueError(f"no key at character {self.position}")
-            name = match.group()
-            parts.append(tomllib.loads(f"key = {name}")["key"] if quoted else name)
-            self.position = match.end()
-            self._skip(_SPACE)
-            if self._peek() != ".":
-                return tuple(parts)
-            self.position += 1
-            self._skip(_SPACE)
+    def _key(self, end: str) -> Location:
+        """Take a dotted key with the mark after it."""
+        parts: list[str] = []
+        while (token := self._peek()) != end:
+            if token[0] in "\"'":
+                parts.append(tomllib.loads(f"key = {token}")["key"])
+            elif token not in "[.":
+                parts.append(token)
+            self._take()
+        self._take()
+        return tuple(parts)
 
     def _value(self, path: Location) -> None:
-        character = self._peek()
-        if character == "[":
-            self._array(path)
-        elif character == "{":
-            self._inline_table(path)
-        else:
-            match = (
-                _LONG_TEXT.match(self.text, self.position)
-                or _QUOTED.match(self.text, self.position)
-                or _SCALAR.match(self.text, self.position)
-            )
-            if match is None:
-                raise ValueError(f"no value at character {self.position}")
-            self.position = match.end()
-
-    def _array(self, path: Location) -> None:
-        self.position += 1
-        number = 0
-        while True:
-            self._skip(_BLANK)
-            if self._peek() == "]":
-                self.position += 1
-                return
-            self.lines[(*path, number)] = self._line()
-            self._value((*path, number))
-            number += 1
-            self._skip(_BLANK)
-            if self._peek() == ",":
-                self.position += 1
-
-    def _inline_table(self, path: Location) -> None:
-        self.position += 1
-        while True:
-            self._skip(_BLANK)
-            if self._peek() == "}":
-                self.position += 1
-                return
-            self._pair(path)
-            self._skip(_BLANK)
-            if self._peek() == ",":
-                self.position += 1
+        if self._peek() not in ("[", "{"):
+            while self._peek() not in (",", "]", "}", "\n", ""):
+                self._take()
+            return
+        is_array, number = self._peek() == "[", 0
+        self._take()
+        while self._skip(("\n", ",")) not in ("]", "}"):
+            if is_array:
+                self.lines[(*path, number)] = self.tokens[self.place][1]
+                self._value((*path, number))
+                number += 1
+            else:
+                self._pair(path)
+        self._take()
 
     def _peek(self) -> str:
-        return self.text[self.position : self.position + 1]
+        return self.tokens[self.place][0]
 
-    def _skip(self, pattern: re.Pattern[str]) -> None:
-        match = pattern.match(self.text, self.position)
-        self.position = match.end() if match else self.position
+    def _take(self) -> int:
+        """Take a token; return its line."""
+        self.place += 1
+        return self.tokens[self.place - 1][1]
 
-    def _line(self) -> int:
-        return bisect.bisect_left(self.newlines, self.position) + 1
+    def _skip(self, marks: tuple[str, ...]) -> str:
+        """Take tokens like these; return the next one."""
+        while self._peek() in marks:
+            self._take()
+        return self._peek()
