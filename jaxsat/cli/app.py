@@ -70,22 +70,11 @@ app = App(
     help_format="plaintext",
     suppress_keyboard_interrupt=False,
 )
-app.command(simulate)
-app.command(montecarlo)
-app.command(compare)
-app.command(bound)
-app.command(front)
-app.command(tune)
-app.command(verify)
-app.command(rare)
-app.command(worst)
-app.command(design)
-app.command(controllability)
-app.command(export)
-app.command(reproduce)
-app.command(report)
-app.command(convert)
-app.command(scenarios)
+for command in (
+    *(simulate, montecarlo, compare, bound, front, tune, verify, rare),
+    *(worst, design, controllability, export, reproduce, report, convert, scenarios),
+):
+    app.command(command)
 
 
 @app.command

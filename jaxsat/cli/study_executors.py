@@ -55,9 +55,6 @@ def chosen_executor(
     from jaxsat.studies.executors import Devices, Serial, Threads
     from jaxsat.studies.processes import Processes
 
-    for name, value in (("--workers", workers), ("--processes", processes)):
-        if value is not None and value < 1:
-            raise UserMistake(f"{name}: must be at least 1, got {value}")
     executors = {
         "--devices": devices,
         "--scheduler": scheduler,

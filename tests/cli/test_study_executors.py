@@ -43,10 +43,6 @@ def test_processes_and_their_threads(four, workers, processes, made):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"workers": 0}, "--workers: must be at least 1, got 0"),
-        ({"workers": -3}, "--workers: must be at least 1, got -3"),
-        ({"processes": 0}, "--processes: must be at least 1, got 0"),
-        ({"processes": -(10**9)}, "--processes: must be at least 1"),
         ({"devices": 0}, "--devices: must be from 1 to the "),
         ({"devices": 10**9}, "--devices: must be from 1 to the "),
         ({"devices": 1, "processes": 1}, "--devices: must be given without --workers or"),
