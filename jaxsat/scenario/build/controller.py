@@ -1,16 +1,17 @@
 """Construction of a scenario's control law, with the law's own model of the plant."""
 
+from contextlib import nullcontext
+
 import numpy as np
 
 from jaxsat.control.controller import AbstractController, LawContext, UnsuitableModel
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.laws import Law
-from jaxsat.core.errors import foreign_exceptions
 from jaxsat.scenario.build.actuators import magnetic_context, wheel_context
 from jaxsat.scenario.build.errors import BuildError
 from jaxsat.scenario.build.plant import orbit_of, orbit_rate, periodic_torque
-from jaxsat.scenario.build.plugin_trial import broken
+from jaxsat.scenario.build.plugin_trial import LAW, sound
 from jaxsat.scenario.build.thrusters import rate_noise, thruster_context
 from jaxsat.scenario.control import ModelTable, is_plugin
 from jaxsat.scenario.derived import believed_axes, torque_limit
@@ -47,19 +48,15 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
         rate_noise(scenario) if law.declaration.sampled else 0.0,
         0.0 if scenario.sampling is None else scenario.sampling.delay_s,
     )
-    try:
-        controller = law.from_table(values, context)
-    except UnsuitableModel as error:
-        raise BuildError(_model_issue(law, table, error)) from error
-    except foreign_exceptions() as error:
-        if not is_plugin(law.name):
-            raise
-        raise BuildError(
-            broken(law, ("control", "law"), law.controller, error, "can be built")
-        ) from error
+    foreign = is_plugin(law.name)
+    with sound(law, LAW, law.controller, "can be built") if foreign else nullcontext():
+        try:
+            controller = law.from_table(values, context)
+        except UnsuitableModel as error:
+            raise BuildError(_model_issue(law, table, error)) from error
     if not isinstance(controller, law.controller):
         message = f'must be such that `from_table` of the law "{law.name}" gives the law, got '
-        raise BuildError(Issue(("control", "law"), message + type(controller).__name__))
+        raise BuildError(Issue(LAW, message + type(controller).__name__))
     if isinstance(controller, AbstractSampledController):
         period = control.period_s
         if float(np.asarray(controller.period)) != float(np.asarray(as_float(period))):

@@ -1,7 +1,8 @@
 """Trial of plug-ins by tracing: whether their results suit the loop."""
 
+import contextlib
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from operator import attrgetter
 from typing import Any
 
@@ -35,12 +36,10 @@ def require_runs(law: Law, controller: Controller, start: PlantState) -> None:
     """
     _require_arrays(law, LAW, controller)
     _require_tunable(law, controller)
-    try:
+    with sound(law, LAW, law.controller):
         memory = eqx.filter_eval_shape(controller.init, start)
         outcome = eqx.filter_eval_shape(_run, controller, start)
         answers = eqx.filter_eval_shape(_answers, controller, start)
-    except foreign_exceptions() as error:
-        raise BuildError(broken(law, LAW, law.controller, error)) from error
     method = _method(controller)
     if not (isinstance(outcome, tuple) and len(outcome) == 2):
         what = "its next memory" if law.declaration.sampled else "the rate of its memory"
@@ -53,32 +52,35 @@ def require_runs(law: Law, controller: Controller, start: PlantState) -> None:
     _require_same_memory(law, LAW, memory, outcome[1], method)
 
 
-def broken(
-    part: Law | Part,
-    location: Location,
-    part_class: type,
-    error: BaseException,
-    rule: str = "can be run",
-) -> Issue:
-    """Return the issue for an exception in a part's own code."""
-    text = str(error).strip().split("\n", 1)[0]
-    hint = ""
-    if isinstance(error, jax.errors.ConcretizationTypeError):
-        hint = "; use jnp.where in place of `if`, and functions of jnp in place of those of math"
-    elif isinstance(error, jax.errors.TracerArrayConversionError):
-        hint = "; use functions of jnp in place of those of numpy"
-    elif isinstance(error, KeyError):
-        hint = f"; the declared keys are {', '.join(key.name for key in part.declaration.keys)}"
-    place = place_in(inspect.getfile(part_class), error)
-    return _issue(part, location, f"{rule}, got {type(error).__name__}: {text}{hint}{place}")
+@contextlib.contextmanager
+def sound(
+    part: Law | Part, location: Location, part_class: type, rule: str = "can be run"
+) -> Iterator[None]:
+    """Convert exceptions in a part's own code inside this context to a `BuildError`."""
+    try:
+        yield
+    except BuildError:
+        raise
+    except foreign_exceptions() as error:
+        text = str(error).strip().split("\n", 1)[0]
+        hint = ""
+        if isinstance(error, jax.errors.ConcretizationTypeError):
+            hint = (
+                "; use jnp.where in place of `if`, and functions of jnp in place of those of math"
+            )
+        elif isinstance(error, jax.errors.TracerArrayConversionError):
+            hint = "; use functions of jnp in place of those of numpy"
+        elif isinstance(error, KeyError):
+            hint = f"; the declared keys are {', '.join(key.name for key in part.declaration.keys)}"
+        place = place_in(inspect.getfile(part_class), error)
+        message = f"{rule}, got {type(error).__name__}: {text}{hint}{place}"
+        raise BuildError(_issue(part, location, message)) from error
 
 
 def made_part(part: Part, location: Location, table: PartTable, context: Any) -> Any:
     """Build a part by `from_table` from a checked table; raises `BuildError` if this fails."""
-    try:
+    with sound(part, location, part.made, "can be built"):
         instance = part.made.from_table(values_of(part.declaration.keys, table), context)
-    except foreign_exceptions() as error:
-        raise BuildError(broken(part, location, part.made, error, "can be built")) from error
     if not isinstance(instance, part.made):
         _refuse(part, location, "is made by its `from_table`", instance)
     _require_arrays(part, location, instance)
@@ -89,10 +91,8 @@ def require_torque(
     part: Part, location: Location, torque: Callable[..., Any], *arguments: Any
 ) -> None:
     """Raise `BuildError` if a part, called once, raises or returns no torque of shape (3,)."""
-    try:
+    with sound(part, location, part.made):
         value = eqx.filter_eval_shape(torque, *arguments)
-    except foreign_exceptions() as error:
-        raise BuildError(broken(part, location, part.made, error)) from error
     place = _place_of_method(part.made, "__call__")
     _require_shape(part, location, value, (3,), f"gives {{}}, a torque in N m{place}")
 
@@ -110,11 +110,9 @@ def require_estimates(
     """
     zero = jnp.zeros_like(period)
     upright = Quaternion(jnp.eye(4, dtype=zero.dtype)[0])
-    try:
+    with sound(part, location, part.made):
         memory = eqx.filter_eval_shape(estimator.init, upright, zero)
         outcome = eqx.filter_eval_shape(estimator.step, jnp.array(0), period, measurement, memory)
-    except foreign_exceptions() as error:
-        raise BuildError(broken(part, location, part.made, error)) from error
     place = _place_of_method(part.made, "step")
     if not (isinstance(outcome, tuple) and len(outcome) == 2 and isinstance(outcome[0], Estimate)):
         _refuse(part, location, f"gives an `Estimate` and the memory from `step`{place}", outcome)
@@ -138,12 +136,10 @@ def require_events(
     part: Part, location: Location, actuators: AbstractActuators, *arguments: Any
 ) -> None:
     """Raise `BuildError` unless actuators have `event_count` event functions."""
-    try:
+    with sound(part, location, part.made):
         count = actuators.event_count
         values = eqx.filter_eval_shape(actuators.event_functions, *arguments)
         piece = actuators.smooth_piece(jnp.ones(count, bool))
-    except foreign_exceptions() as error:
-        raise BuildError(broken(part, location, part.made, error)) from error
     rule = "gives {} from `event_functions`, as `event_count` says"
     _require_shape(
         part, location, values, (count,), rule + _place_of_method(part.made, "event_functions")
