@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Annotated, Any, Literal, Self, Union
+from typing import Annotated, Any, Literal, TypeVar, Union
 
 import numpy as np
 from annotated_types import Ge, Gt, Interval, Le, Len
@@ -145,12 +145,15 @@ def _unit_length(q: tuple) -> tuple:
 UnitQuaternion = Annotated[Vector4, AfterValidator(_unit_length)]
 
 
+Table = TypeVar("Table", bound=BaseModel)
+
+
 class ScenarioTable(BaseModel):
     """A frozen table of a scenario file that rejects unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    def with_keys(self, table: str, **keys: Any) -> Self:
+    def with_keys(self: Table, table: str, **keys: Any) -> Table:
         """Return a copy with unchecked values of keys in a table, such as "simulation.solver"."""
         name, _, inner = table.partition(".")
         part = getattr(self, name)
