@@ -20,6 +20,9 @@ DIAGNOSED = tuple(kind.word for kind in DiagnosedKind)
 MOST_VERDICTS = 6
 """Number of alarms and verdicts that a figure names."""
 
+RETURNED = "works again"
+"""Verdict on an actuator that a law takes into service again."""
+
 EXCLUDED = ("used again", "excluded")
 """What the filter does with a sensor of the attitude."""
 
@@ -113,7 +116,7 @@ def isolations(dataset: Dataset) -> list[Diagnosis]:
         for row, place in np.argwhere(np.diff(kinds, axis=0) != 0):
             kind = kinds[row + 1, place]
             if np.isfinite(kind):
-                what = f"isolated as {DIAGNOSED[int(kind)]}" if kind >= 0 else "works again"
+                what = f"isolated as {DIAGNOSED[int(kind)]}" if kind >= 0 else RETURNED
                 found.append(Diagnosis(float(time[row + 1]), names[place], what))
     if "diagnosed_dipole" in dataset:
         parts, names = dataset["diagnosed_dipole"].values, _diagnosed_rods(dataset)
@@ -122,7 +125,7 @@ def isolations(dataset: Dataset) -> list[Diagnosis]:
             changes = np.flatnonzero(np.diff(known != 1)) + 1
             for row, end in pairwise([*changes, len(known)]):
                 left = known[end - 1]
-                what = "works again" if left == 1 else f"isolated, makes {left:.0%}"
+                what = RETURNED if left == 1 else f"isolated, makes {left:.0%}"
                 found.append(Diagnosis(float(time[row]), name, what))
     return sorted(found)
 
@@ -142,15 +145,20 @@ def failure_sentences(dataset: Dataset, scenario: Mapping[str, Any]) -> Iterator
 
     That of a failure says when the law isolated it, if the law diagnoses such actuators.
     """
-    left, known = isolations(dataset), set(diagnosed_parts(dataset))
-    failures = _failures(scenario, dataset["time"].values)
+    every, known = isolations(dataset), set(diagnosed_parts(dataset))
+    left, failures = every, _failures(scenario, dataset["time"].values)
     for number, (at, table) in enumerate(failures):
         of = str(table.get("of", ""))
         later = [then for then, one in failures[number + 1 :] if one.get("of") == of]
         parts = known & {of, f"{of}+", f"{of}-"}  # both ways of a two-sided thruster
         own = [one for one in left if one.part in parts and at <= one.at <= min([*later, np.inf])]
         left = [one for one in left if one not in own]
-        verdict = f"; {_told(own)}" if own else "; not isolated" if parts else ""
+        before = [one.what for one in every if one.part in parts and one.at < at]
+        verdict = "; not isolated" if parts else ""
+        if own:
+            verdict = f"; {_told(own)}"
+        elif before and before[-1] != RETURNED:
+            verdict = f"; still {before[-1]}"
         what = f"{words_of(of)} {_kind_of(table, amounts=True)} at {number_text(at, 6)} s"
         yield at, f"{capitalised(what)}{verdict}."
     for one in left:

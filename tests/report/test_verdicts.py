@@ -62,6 +62,7 @@ def test_a_sentence_on_each_failure_says_whether_the_law_isolated_it():
         {"of": "thruster a", "at_s": 10.0, "kind": "dead"},
         {"of": "wheel B", "at_s": 5.0, "kind": "friction-up", "friction_N_m": 0.4},
         {"of": "gyro", "at_s": 12.0, "kind": "turned", "turn_rad": [0.0, 0.1, 0.0]},
+        {"of": "thruster a", "at_s": 45.0, "kind": "degraded", "fraction": 1.0},
         {"of": "wheel C", "at_s": 60.0, "kind": "dead"},
     ]
     assert list(failure_sentences(found, {"failure": tables})) == [
@@ -69,6 +70,7 @@ def test_a_sentence_on_each_failure_says_whether_the_law_isolated_it():
         (10.0, "Thruster a dead at 10 s; isolated as dead at 20 s."),
         (12.0, "Gyro turned (turn (0, 0.1, 0) rad) at 12 s."),
         (15.0, "Magnetorquer x stuck at (fraction 0.2) at 15 s; isolated, makes 0% at 30 s."),
+        (45.0, "Thruster a degraded (fraction 1) at 45 s; still isolated as dead."),
         (40.0, "Wheel C isolated as degraded at 40 s, although it had not failed."),
     ]
     names = ["thruster a+", "wheel B", "wheel C", "magnetorquer x", "magnetorquer y"]
