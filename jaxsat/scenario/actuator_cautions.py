@@ -14,7 +14,12 @@ from jaxsat.scenario.control import is_plugin
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.holding import rotation
 from jaxsat.scenario.idle_actuators import idle_actuators
-from jaxsat.scenario.parts.torque_makers import TorqueMakers, wheel_axes, working_torques
+from jaxsat.scenario.parts.torque_makers import (
+    TorqueMakers,
+    spans_all_ways,
+    wheel_axes,
+    working_torques,
+)
 from jaxsat.scenario.pulse_cautions import PLANE, coarse_unloading, pulse_cautions
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario
@@ -26,6 +31,9 @@ PHASES = 25
 
 MOST_TURNS = 20
 """Largest number of revolutions with phases of their own; beyond it the phases are wider apart."""
+
+REMOVALS = 12
+"""Angles in a revolution of the orbit frame at which thrusters take momentum out of wheels."""
 
 NOTHING = 1e6
 """Ratio of momentum to wheel capacity that is treated as infinite."""
@@ -106,30 +114,33 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
     or if thrusters take it out by pulses that are too coarse.
 
     The only external torque counted is the constant one. With magnetorquers, which unload over
-    time, only the momentum at the start counts; gyros store some themselves.
+    time, only the momentum at the start counts; gyros store some themselves. Thrusters that do not
+    push all ways take out what they can.
     """
     makers = TorqueMakers.of(scenario)
     limit = _limits_that_count(scenario, makers)
     if limit is None:
         return
-    relieved, axes = _relieved(makers), makers.axes
+    relieved = _relieved(makers)
     times, momenta = _momenta_to_hold(scenario)
     if scenario.magnetorquer:
         times, momenta = times[:1], momenta[:1]
-    loads = [_largest_load(axes, -limit, limit, momentum) for momentum in momenta]
+    if relieved:
+        kept = [_largest_load(makers.axes, -limit, limit, momentum)[0] for momentum in momenta]
+        if max(kept) > FULL:
+            yield from coarse_unloading(scenario, momenta[int(np.argmax(kept))])
+        if makers.thrusters_make_all:
+            return
+    loads = _loads(scenario, makers, limit, times, momenta)
     shares = np.array([share for share, _ in loads])
     worst = int(np.argmax(shares))
     most = shares[worst]
-    if relieved and most > FULL:
-        yield from coarse_unloading(scenario, momenta[worst])
-    if relieved or most <= 1 + ROUNDING:
+    if most <= 1 + ROUNDING:
         return
-    remark = ""
+    remark = "; thrusters take none of it out" if relieved else ""
     if shares[0] <= 1:  # the external torque or the rotation of the orbit frame is the cause
-        after = int(np.argmax(shares > 1))
-        part = (1 - shares[after - 1]) / (shares[after] - shares[after - 1])
-        full = times[after - 1] + part * (times[after] - times[after - 1])
-        remark = f"; they are full after {full:.4g} s, counting constant_N_m, no other torque"
+        full = _first_full(times, shares)
+        remark += f"; they are full after {full:.4g} s, counting constant_N_m, no other torque"
     message = (
         "should hold the momentum of body and wheels when the attitude is reached: along one "
         f"direction {abs(momenta[worst] @ loads[worst][1]):.4g} N m s, "
@@ -159,6 +170,49 @@ def _relieved(makers: TorqueMakers) -> bool:
     return makers.relieved and bool(np.linalg.matrix_rank(makers.axes, tol=PLANE) == 3)
 
 
+def _loads(
+    scenario: Scenario,
+    makers: TorqueMakers,
+    limit: Float[np.ndarray, " k"],
+    times: Float[np.ndarray, " n"],
+    momenta: Float[np.ndarray, "n 3"],
+) -> list[tuple[float, Float[np.ndarray, "3"]]]:
+    """Largest part of what wheels hold, over all directions, and that direction, of a momentum (N m
+    s, axes of the target) at each of the `times` (s), less what thrusters take out best until then.
+
+    Momentum turns with the orbit frame, so that thrusters take out later what they do not now.
+    """
+    found = [_largest_load(makers.axes, -limit, limit, one) for one in momenta]
+    if not _relieved(makers):
+        return found
+    rate, unlimited = scenario.orbit.rate(), UNLIMITED * max(np.abs(momenta).max(), limit.max())
+    for number in np.flatnonzero([share > 1 for share, _ in found]):
+        turned = min(rate * times[number], 2 * math.pi)
+        angles = np.linspace(0, turned, 1 + math.ceil(REMOVALS * turned / (2 * math.pi)))
+        removals = -np.hstack([*(into_frame(angles) @ unit_columns(makers.pushes))])
+        if spans_all_ways(removals):  # so they do from then on
+            found[number:] = [(0.0, one) for _, one in found[number:]]
+            break
+        low = np.r_[-limit, np.zeros(removals.shape[1])]
+        high = np.r_[limit, np.full(removals.shape[1], unlimited)]
+        columns = np.hstack([makers.axes, removals])
+        found[number] = _largest_load(columns, low, high, momenta[number])
+    return found
+
+
+def _first_full(times: Float[np.ndarray, " n"], shares: Float[np.ndarray, " n"]) -> float:
+    """Time (s) at which shares that begin below 1 first reach it."""
+    after = int(np.argmax(shares > 1))
+    part = (1 - shares[after - 1]) / (shares[after] - shares[after - 1])
+    return float(times[after - 1] + part * (times[after] - times[after - 1]))
+
+
+def thrusters_take_momentum(scenario: Scenario) -> bool:
+    """Whether thrusters take momentum of any direction out of wheels."""
+    makers = TorqueMakers.of(scenario)
+    return makers.relieved and makers.thrusters_make_all
+
+
 def fills_wheels(
     scenario: Scenario, times: Float[np.ndarray, " n"], given: Float[np.ndarray, "n 3"]
 ) -> tuple[float, float] | None:
@@ -171,18 +225,19 @@ def fills_wheels(
     """
     makers = TorqueMakers.of(scenario)
     limit = _limits_that_count(scenario, makers)
-    taken_out = makers.relieved or scenario.magnetorquer
-    if limit is None or taken_out or any(True for _ in _momentum_beyond_wheels(scenario)):
+    if (
+        limit is None
+        or scenario.magnetorquer
+        or any(True for _ in _momentum_beyond_wheels(scenario))
+    ):
         return None
     directions, sizes, _ = np.linalg.svd(makers.axes)
     along = directions[:, : int(np.sum(sizes > PLANE))]
     momenta = (_momentum_of_the_start(scenario, times) + given) @ along @ along.T
-    loads = np.array([_largest_load(makers.axes, -limit, limit, one)[0] for one in momenta])
+    loads = np.array([one for one, _ in _loads(scenario, makers, limit, times, momenta)])
     if loads[0] > 1 or loads.max() <= 1 + ROUNDING:
         return None
-    after = int(np.argmax(loads > 1))
-    part = (1 - loads[after - 1]) / (loads[after] - loads[after - 1])
-    return float(times[after - 1] + part * (times[after] - times[after - 1])), float(loads.max())
+    return _first_full(times, loads), float(loads.max())
 
 
 def _momenta_to_hold(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:

@@ -191,6 +191,28 @@ def thrusters(*axes):
     return f"thruster=[{', '.join(JET % list(axis) for axis in axes)}]"
 
 
+def test_wheels_that_thrusters_cannot_empty_are_told():
+    """Thrusters that push to +z alone: a constant torque along z fills wheels, one along -z does
+    not, and in orbit the frame turns all of it where they push."""
+    still = ("initial.quaternion=[1,0,0,0]", "initial.omega_rad_s=[0,0,0]")
+    one_way = thrusters((1, 0, 0.2), (-1, 0, 0.2), (0, 1, 0.2), (0, -1, 0.2))
+    for torque, rate, more, told_of in (
+        (0.05, 0.0, (one_way,), True),
+        (-0.05, 0.0, (one_way,), False),
+        (0.05, 1e-3, (one_way,), False),
+        (0.05, 1e-3, (), True),
+        (0.05, 0.0, (f"thruster=[{', '.join(JETS)}]",), False),
+    ):
+        pushed = f"disturbance.constant_N_m=[0,0,{torque}]"
+        orbit = (f"orbit.rate_rad_s={rate}", "simulation.duration_s=3000")
+        texts = told("wheels-fail", *still, pushed, *orbit, *more, *OWN)[0]
+        texts = [one for one in texts if "full after" in one]
+        assert len(texts) == told_of
+        if told_of and more:
+            assert "thrusters take none of it out" in texts[0]
+            assert f"full after {4 * 20 / np.sqrt(2) / 0.05:.4g} s" in texts[0]
+
+
 WHEEL = "{axis=%s, torque_limit_N_m=0.4}"
 SWITCHING = (
     "control={law='switching', k1=0.5, k2=0.3, k3=0.05, mu=0.5, a=0.2, k4=60.0, period_s=0.1, "

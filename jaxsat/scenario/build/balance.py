@@ -22,7 +22,7 @@ from jaxsat.core.attitude import DCM
 from jaxsat.core.checks import as_float
 from jaxsat.core.earth import EARTH_GRAVITY
 from jaxsat.core.text import number_text
-from jaxsat.scenario.actuator_cautions import fills_wheels, into_frame
+from jaxsat.scenario.actuator_cautions import fills_wheels, into_frame, thrusters_take_momentum
 from jaxsat.scenario.build.actuator_set import all_actuators
 from jaxsat.scenario.build.plant import build_plant, orbit_rate, place_of
 from jaxsat.scenario.build.run import build_start
@@ -229,10 +229,11 @@ def full_wheels_words(scenario: Scenario) -> str | None:
     """Caution if torques from outside fill the wheels before the end of a run, else None.
 
     The body is assumed at the target. No caution where the momentum at the start or a constant
-    torque alone fills the wheels, nor where thrusters or magnetorquers take momentum out.
+    torque alone fills the wheels, nor where magnetorquers, or thrusters that push all ways, take
+    momentum out.
     """
     limited = any(one.momentum_limit_N_m_s is not None for one in scenario.wheel)
-    if not limited or scenario.thruster or scenario.magnetorquer:
+    if not limited or scenario.magnetorquer or thrusters_take_momentum(scenario):
         return None
     plant = build_plant(scenario)
     terms = terms_of(plant.disturbance)

@@ -84,13 +84,13 @@ class TorqueMakers:
     @property
     def thrusters_make_all(self) -> bool:
         """Whether thrusters make torques of either sign about all three axes by themselves."""
-        return _all_ways(self.pushes)
+        return spans_all_ways(self.pushes)
 
     @property
     def all_ways(self) -> bool:
         """Whether wheels and thrusters together make torques of either sign about all axes."""
         axes = self.axes
-        return _all_ways(np.concatenate([unit_columns(self.pushes), axes, -axes], axis=1))
+        return spans_all_ways(np.concatenate([unit_columns(self.pushes), axes, -axes], axis=1))
 
     @property
     def two_wheels_fly(self) -> bool:
@@ -165,7 +165,8 @@ class TorqueMakers:
         return largest_torque(columns, np.r_[0 * full, -limits], np.r_[full, limits], np.eye(3))
 
 
-def _all_ways(torque: Float[np.ndarray, "3 m"]) -> bool:
+def spans_all_ways(torque: Float[np.ndarray, "3 m"]) -> bool:
+    """Whether thrusters with these torques make some of either sign about all axes."""
     try:
         require_all_ways(torque)
     except ValueError:
