@@ -35,6 +35,7 @@ from jaxsat.synthesis.execution import Execution as Execution, Listener as Liste
 from jaxsat.core.declaration import (
     LawDeclaration as LawDeclaration,
     PartDeclaration as PartDeclaration,
+    VectorDeclaration as VectorDeclaration,
 )
 from jaxsat.spacecraft.dynamics import PlantState as PlantState, RigidBody as RigidBody
 from jaxsat.compiler import CannotLower as CannotLower
@@ -53,6 +54,10 @@ from jaxsat.spacecraft.environment.disturbances import (
     DisturbanceContext as DisturbanceContext,
 )
 from jaxsat.spacecraft.environment.orbit import ExactOrbit as ExactOrbit
+from jaxsat.spacecraft.environment.sensed_vectors import (
+    AbstractSensedVector as AbstractSensedVector,
+)
+from jaxsat.spacecraft.navigation_sensors import SensorContext as SensorContext
 from jaxsat.core.errors import (
     ArgumentError as ArgumentError,
     JaxsatError as JaxsatError,

@@ -83,6 +83,10 @@ FIELD_NOISE = Range(1e-12, 1e-3)
 FIELD_BIAS = Range(-1e-3, 1e-3)
 """Standard deviation and bias of a magnetometer, T; a filter divides by the square of the first."""
 
+VECTOR_NOISE = Range(1e-12, 1e12)
+VECTOR_BIAS = Range(-1e12, 1e12)
+"""Standard deviation and bias of a sensor of another vector, in its unit."""
+
 HALF_ANGLE = Range(1e-6, 3.141592653589793)
 """Half of the angle of a field of view, rad."""
 

@@ -24,7 +24,13 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.core.errors import LibraryError
 from jaxsat.core.once import once
 from jaxsat.flight.calls import unpacked
-from jaxsat.flight.flight import VECTORS, CannotExport, FlightController, Seen, measured_by
+from jaxsat.flight.flight import (
+    CannotExport,
+    FlightController,
+    Seen,
+    measured_by,
+    vector_names,
+)
 from jaxsat.flight.harness import ABI
 from jaxsat.flight.program import FlightProgram, flight_program, is_parameter
 from jaxsat.flight.reference import rows_of
@@ -186,8 +192,7 @@ class ExternalEstimator(AbstractEstimator):
         if momentum is not None:  # which the estimator does not use, and `ExternalLaw` receives
             momentum = jnp.zeros(momentum.shape)
         like, rate = self.library.program.now.measured, cast(Array, measurement.rate)
-        vectors = [name for name in VECTORS if getattr(like, name) is not None]
-        measured = measured_by(measurement, vectors, momentum)
+        measured = measured_by(measurement, vector_names(like), momentum)
         law_input = Seen(Quaternion(jnp.zeros(4, rate.dtype)), rate, momentum)
         call = _Call(self.library, "estimate")
         law_input, memory = jax.pure_callback(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from jaxsat.compiler.c.expressions import literal
 from jaxsat.compiler.c.layout import Field
 from jaxsat.compiler.c.naming import comment
-from jaxsat.flight.flight import VECTORS
+from jaxsat.flight.flight import MAX_MEASUREMENTS
 from jaxsat.flight.program import FlightProgram
 from jaxsat.flight.templates import template
 
@@ -30,7 +30,7 @@ EVENTS = {
 }
 """Bits of a status above those of the measurements, and their meanings."""
 
-FIRST_EVENT = 8
+FIRST_EVENT = MAX_MEASUREMENTS
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def is_quaternion(field: Field) -> bool:
 
 def is_vector(field: Field) -> bool:
     """Whether a field of an input is a vector with a direction: measured, or its reference."""
-    return field.path.split(".")[0] in VECTORS
+    return field.path.rpartition(".")[2] in ("measured", "reference")
 
 
 def is_rate(field: Field) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxsat.core.declaration.requirements import comparisons
 from jaxsat.core.declaration.sensor import TACHOMETER
-from jaxsat.core.declaration.sensors import SENSORS
+from jaxsat.core.declaration.sensors import FAILING
 from jaxsat.core.text import number_text
 from jaxsat.report.document import Cell, Shown, Table
 from jaxsat.report.facts import scenario_tables
@@ -86,7 +86,7 @@ def _judgement(dataset: Dataset, scenario: dict, requirement: RequirementTable) 
 
 def _failure_times(dataset: Dataset, scenario: dict) -> np.ndarray:
     """Times (s) of all failures of actuators and sensors, as drawn for the case of a study."""
-    tables, sensors = scenario.get("failure", ()), [TACHOMETER, *(one.name for one in SENSORS)]
+    tables, sensors = scenario.get("failure", ()), [TACHOMETER, *FAILING]
     each = []
     for name, of_sensors in (("drawn_failure_time", False), ("drawn_sensor_failure_time", True)):
         each_of = ((one["of"].partition(" ")[0] in sensors, one["at_s"]) for one in tables)

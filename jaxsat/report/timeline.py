@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
+from jaxsat.core.declaration.sensors import OTHER_SENSORS
 from jaxsat.core.declaration.units import unit_of, with_unit
 from jaxsat.core.text import capitalised, number_text, vector_text
 from jaxsat.report.facts import scenario_tables
@@ -179,7 +180,8 @@ def diagnoses(dataset: Dataset) -> dict[str, str]:
 
 def words_of(part: str) -> str:
     """Return what `of` of a failure names, a sensor in words: "star tracker"."""
-    return part if " " in part else part.replace("_", " ")
+    name = part.removeprefix(f"{OTHER_SENSORS} ")
+    return name if " " in name else name.replace("_", " ")
 
 
 def exclusions(dataset: Dataset) -> list[tuple[float, str]]:

@@ -19,7 +19,7 @@ from jaxsat.core.allocation import (
 )
 from jaxsat.core.declaration.actuators import PASSIVE, STEERED
 from jaxsat.core.declaration.sensor import TACHOMETER
-from jaxsat.core.declaration.sensors import HOLD_SAMPLES, SENSORS
+from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS, HOLD_SAMPLES, OTHER_SENSORS
 from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.scenario.parts.torque_makers import TorqueMakers, signs
 from jaxsat.scenario.quantities import inertia_matrix
@@ -64,7 +64,17 @@ def predicts_by_dynamics(scenario: Any) -> bool:
 
 def has_sensors(scenario: Any) -> bool:
     """Whether a checked scenario declares what its sampled law measures."""
-    return any(getattr(scenario, name) for name in ("sampling", *(one.name for one in SENSORS)))
+    return bool(scenario.sampling or scenario.gyro or attitude_tables(scenario))
+
+
+def attitude_tables(scenario: Any) -> dict[str, Any]:
+    """Tables of the sensors of the attitude that a checked scenario has, in the filter's order.
+
+    They go by their names in `[[failure]]`.
+    """
+    own = {one.name: getattr(scenario, one.name) for one in ATTITUDE_SENSORS}
+    others = {f"{OTHER_SENSORS} {name}": table for name, table in scenario.sensor.items()}
+    return {name: table for name, table in (own | others).items() if table is not None}
 
 
 def has_invalid_momenta(scenario: Any) -> bool:

@@ -3,7 +3,15 @@
 from typing import Any
 
 from jaxsat.core.declaration.laws import LAWS
-from jaxsat.scenario.plugins import ACTUATORS, DISTURBANCE, ESTIMATOR, LAW, PluginKind, installed
+from jaxsat.scenario.plugins import (
+    ACTUATORS,
+    DISTURBANCE,
+    ESTIMATOR,
+    LAW,
+    SENSOR,
+    PluginKind,
+    installed,
+)
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.toml_text import toml_document
 from jaxsat.scenario.units import with_units
@@ -12,6 +20,7 @@ _PARTS = {
     "ActuatorsTable": ACTUATORS,
     "DisturbanceTorqueTable": DISTURBANCE,
     "EstimatorTable": ESTIMATOR,
+    "SensorTable": SENSOR,
 }
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from jaxsat.core.declaration import LawDeclaration, PartDeclaration
+from jaxsat.core.declaration import LawDeclaration, PartDeclaration, VectorDeclaration
 from jaxsat.core.declaration.laws import LAW_GROUP
 from jaxsat.core.errors import JaxsatError, foreign_exceptions
 from jaxsat.core.once import holding, once
@@ -65,6 +65,12 @@ ACTUATORS = PluginKind(
     "jaxsat.actuators",
     ("jaxsat.spacecraft.actuators:AbstractActuators",),
     PartDeclaration,
+)
+SENSOR = PluginKind(
+    "the vector of a sensor",
+    "jaxsat.sensors",
+    ("jaxsat.spacecraft.environment.sensed_vectors:AbstractSensedVector",),
+    VectorDeclaration,
 )
 ESTIMATOR = PluginKind(
     "an estimator",

@@ -26,6 +26,7 @@ from jaxsat.scenario.plugins import (
     DISTURBANCE,
     ESTIMATOR,
     LAW,
+    SENSOR,
     PluginError,
     PluginKind,
     failing_once,
@@ -110,10 +111,11 @@ def read(
 
 def _plugin_parts(data: Mapping[str, Any]) -> Iterator[tuple[PluginKind, Location, str]]:
     """Parts of a scenario that are named by module and class, with their locations."""
-    torques = _table(_table(data, "disturbance"), "torques")
+    torques, sensors = _table(_table(data, "disturbance"), "torques"), _table(data, "sensor")
     places = [(LAW, ("control", "law")), (ACTUATORS, ("actuators", "kind"))]
     places += [(ESTIMATOR, ("estimator", "kind"))]
     places += [(DISTURBANCE, ("disturbance", "torques", name, "kind")) for name in torques]
+    places += [(SENSOR, ("sensor", name, "kind")) for name in sensors]
     for kind, location in places:
         table = functools.reduce(_table, location[:-1], data)
         name = table.get(location[-1])

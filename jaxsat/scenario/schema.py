@@ -22,7 +22,7 @@ from jaxsat.scenario.parts.orbit import OrbitTable
 from jaxsat.scenario.parts.registry import TABLES, TYPES
 from jaxsat.scenario.parts.requirements import RequirementTable
 from jaxsat.scenario.parts.sensors import TABLES as SENSORS
-from jaxsat.scenario.parts.sensors import SamplingTable
+from jaxsat.scenario.parts.sensors import OneSensor, SamplingTable
 from jaxsat.scenario.parts.thrusters import ModulationTable
 from jaxsat.scenario.parts.wheels import UnloadingTable
 from jaxsat.scenario.quantities import Line, ScenarioTable, Text, choice, table_with
@@ -82,6 +82,9 @@ class Scenario(table_with(_TYPES | _PARTS | SENSORS, _Body)):
         "What a run must show", ()
     )
     sampling: SamplingTable | None = choice("Sensors and delay of a sampled law", None)
+    sensor: dict[str, OneSensor] = choice(
+        "Sensors of vectors that do not come with jaxsat, by names of your own", {}
+    )
     estimator: EstimatorOfAKind | None = choice(
         "Estimator that gives the law attitude and rates from these sensors", None
     )

@@ -23,7 +23,7 @@ from jaxsat.core.checks import (
     require_positive,
 )
 from jaxsat.core.errors import ArgumentError
-from jaxsat.spacecraft.environment.orbit import AbstractMagneticField
+from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, AbstractPlace
 from jaxsat.spacecraft.environment.orbital_torques import Sunlight
 from jaxsat.spacecraft.outages import outside_outages, require_outage
 from jaxsat.spacecraft.sensor_failures import GyroFailures
@@ -31,11 +31,16 @@ from jaxsat.spacecraft.sensor_failures import GyroFailures
 
 class SensorContext(NamedTuple):
     """Inputs from a scenario for a sensor besides its own keys: the sample period (s) of its law,
-    the Earth's magnetic field, and sunlight."""
+    the Earth's magnetic field, sunlight, and the position along the orbit."""
 
     period: float
     field: AbstractMagneticField
     sunlight: Sunlight
+
+    @property
+    def place(self) -> AbstractPlace:
+        """Position along the orbit, and orientation of the reference frame."""
+        return self.sunlight.orbit
 
 
 def as_three(value: ArrayLike | list | tuple) -> Vector:

@@ -1,4 +1,4 @@
-"""Sensors of a vector known along the orbit: magnetometer, Sun sensor, horizon sensor."""
+"""Sensors of a vector known along the orbit, such as magnetometer and Sun sensor."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -20,15 +20,12 @@ from jaxsat.core.checks import (
     require_directions,
     require_finite,
 )
+from jaxsat.core.declaration.sensor import vector_keys
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.noise import fold_in, name_number, sample_noise
 from jaxsat.core.trigonometry import cos
-from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, AbstractPlace
-from jaxsat.spacecraft.environment.orbital_torques import Sunlight
-from jaxsat.spacecraft.navigation_sensors import (
-    SensorContext,
-    as_three,
-)
+from jaxsat.spacecraft.environment.sensed_vectors import AbstractSensedVector
+from jaxsat.spacecraft.navigation_sensors import as_three
 from jaxsat.spacecraft.outages import outside_outages, require_outage
 
 
@@ -43,33 +40,11 @@ class Observation(NamedTuple):
     seen: Bool[Array, "*latency"]
 
 
-class FieldAlongOrbit(eqx.Module):
-    """The Earth's magnetic `field` as the reference of a magnetometer."""
-
-    field: AbstractMagneticField
-
-    def __call__(self, t: RealScalar) -> tuple[Vector, RealScalar]:
-        """Return B in the reference frame at `t` (s), T, and its visibility, always 1."""
-        field = self.field(t)
-        return field, jnp.ones_like(field[0])
-
-
-class Nadir(eqx.Module):
-    """The direction to the Earth's centre from an `orbit`, as the reference of a horizon sensor."""
-
-    orbit: AbstractPlace
-
-    def __call__(self, t: RealScalar) -> tuple[Vector, RealScalar]:
-        """Return the unit vector in the reference frame at `t` (s), and visibility, always 1."""
-        up = self.orbit.up(t)
-        return -up, jnp.ones_like(up[0])
-
-
 class VectorSensor(eqx.Module):
     """A sensor that measures in body axes a vector known in the reference frame of the attitude.
 
-    `reference` returns at a time (s) the vector, in the unit of the sensor, and its visibility, 1
-    or 0. The measurement of a vector v in body axes is (1 + s) (v - m × v) + b + n: s is
+    `reference` is the vector along the orbit. The measurement of a vector that is v in body axes,
+    `distorted` by the sensor if need be, is (1 + s) (v - m × v) + b + n: s is
     `scale_factor`, the relative error on each axis, m is `misalignment`, a small rotation (rad), b
     is `bias`, and n is white noise with the standard deviation `noise` on each axis. For a unit
     vector only the noise across it matters, which is an angle (Shuster and Oh, J. Guidance and
@@ -85,7 +60,7 @@ class VectorSensor(eqx.Module):
     without a direction, counts that are not positive, and an outage without a start or a length.
     """
 
-    reference: FieldAlongOrbit | Sunlight | Nadir
+    reference: AbstractSensedVector
     name: str = eqx.field(static=True)
     noise: RealScalar = eqx.field(converter=positive("noise"))
     bias: Vector = eqx.field(converter=as_three, default=0.0)
@@ -109,6 +84,28 @@ class VectorSensor(eqx.Module):
         if self.latency < 0:
             raise ArgumentError("latency", "must be zero or positive", self.latency)
 
+    @property
+    def key(self) -> str:
+        """Name as that of a table."""
+        return self.name.replace(" ", "_")
+
+    @classmethod
+    def from_table(
+        cls,
+        name: str,
+        unit: str,
+        reference: AbstractSensedVector,
+        values: Mapping[str, Any],
+        period: float,
+    ) -> "VectorSensor":
+        """Return the sensor of a vector in a `unit` from a checked table; `period` (s) is the
+        law's."""
+        numbers = {key.stem: values[key.name] for key in vector_keys(unit)}
+        update, latency = numbers.pop("update_period"), numbers.pop("latency")
+        every = 1 if update is None else round(update / period)
+        words = name.replace("_", " ")
+        return cls(reference, words, every=every, latency=round(latency / period), **numbers)
+
     def observed(
         self, sample: IntScalar, period: RealScalar, attitude: Quaternion, key: UInt32[Array, "2"]
     ) -> Observation:
@@ -121,7 +118,8 @@ class VectorSensor(eqx.Module):
         vector = attitude.as_dcm().matrix @ reference
         own = fold_in(key, jnp.asarray(name_number(self.name), jnp.uint32))
         noise = self.noise * sample_noise(own, sample, 3, vector.dtype)
-        turned = vector - jnp.cross(self.misalignment, vector)
+        ideal = self.reference.distorted(t, vector)
+        turned = ideal - jnp.cross(self.misalignment, ideal)
         measured = (1 + self.scale_factor) * turned + self.bias + noise
         seen = self.is_due(sample, period) & (light > 0)
         if self.half_angle is not None:
@@ -134,39 +132,3 @@ class VectorSensor(eqx.Module):
         due = sample % self.every == 0
         works = outside_outages(sample, period, self.outage_start, self.outage, self.outage_every)
         return due if works is None else due & works
-
-
-def magnetometer(values: Mapping[str, Any], context: SensorContext) -> VectorSensor:
-    """Return the magnetometer of a checked table `[magnetometer]`, in the scenario's field."""
-    own = {"bias": values["bias_T"], "scale_factor": values["scale_factor"]}
-    reference, noise = FieldAlongOrbit(context.field), values["noise_T"]
-    return VectorSensor(reference, "magnetometer", noise, **own, **_common(values, context))
-
-
-def sun_sensor(values: Mapping[str, Any], context: SensorContext) -> VectorSensor:
-    """Return the Sun sensor of a checked table `[sun_sensor]`, under the scenario's Sun."""
-    return _of_direction(context.sunlight, "sun sensor", values, context)
-
-
-def horizon_sensor(values: Mapping[str, Any], context: SensorContext) -> VectorSensor:
-    """Return the horizon sensor of a checked table `[horizon_sensor]`, in the scenario's orbit."""
-    return _of_direction(Nadir(context.sunlight.orbit), "horizon sensor", values, context)
-
-
-def _of_direction(
-    reference: Sunlight | Nadir, name: str, values: Mapping[str, Any], context: SensorContext
-) -> VectorSensor:
-    own = {"boresight": values["boresight"], "half_angle": values["half_angle_rad"]}
-    return VectorSensor(reference, name, values["noise_rad"], **own, **_common(values, context))
-
-
-def _common(values: Mapping[str, Any], context: SensorContext) -> dict[str, Any]:
-    update = values["update_period_s"]
-    return {
-        "misalignment": values["misalignment_rad"],
-        "every": 1 if update is None else round(update / context.period),
-        "latency": round(values["latency_s"] / context.period),
-        "outage_start": values["outage_start_s"],
-        "outage": values["outage_s"],
-        "outage_every": values["outage_every_s"],
-    }

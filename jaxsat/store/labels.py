@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxsat.core.declaration.actuators import PARTS as DECLARED
-from jaxsat.core.declaration.sensors import FILTER_SENSORS
+from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS, OTHER_SENSORS
 from jaxsat.store.labelled import LabelledArray
 
 AXES: dict[str, tuple[str, ...]] = {
@@ -184,8 +184,9 @@ def part_names(scenario: str, kind: str, count: int) -> list[str]:
 def attitude_sensor_names(scenario: str, count: int) -> list[str]:
     """Return the names of the sensors that a scenario's (TOML) filter tests, or numbers from 1."""
     tables = tomllib.loads(scenario)
-    names = [one.name for one in FILTER_SENSORS if one.name in tables]
-    names = names[: len(names) - (len(names) > count and "gyro" in names)]
+    names = [one.name for one in ATTITUDE_SENSORS if one.name in tables]
+    names += tables.get(OTHER_SENSORS, {})
+    names += ["gyro"] * (len(names) < count and "gyro" in tables)
     return names if len(names) == count else [str(number + 1) for number in range(count)]
 
 

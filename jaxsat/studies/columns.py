@@ -1,7 +1,6 @@
 """Columns of a study's store."""
 
 from collections import ChainMap
-from operator import attrgetter
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +9,6 @@ from jaxtyping import Array
 
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.actuators import STUDIED
-from jaxsat.core.declaration.sensors import FILTER_SENSORS, GYRO
 from jaxsat.simulation.engine.progress import peaks_of
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.requirements import Requirements
@@ -144,8 +142,9 @@ def attitude_sensors(loop: AbstractLoop) -> tuple[str, ...]:
     navigation = getattr(loop, "navigation", None)
     if navigation is None:
         return ()
-    given = [one for one in FILTER_SENSORS if attrgetter(one.place)(loop) is not None]
-    return tuple(one.name for one in given if one is not GYRO or navigation.body is not None)
+    return tuple(
+        name for name in navigation.sensors if name != "gyro" or navigation.body is not None
+    )
 
 
 def _first_counts(loop: AbstractLoop) -> dict[str, Array]:

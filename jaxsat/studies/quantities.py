@@ -20,7 +20,7 @@ from jaxsat.core.declaration.actuators import ACTUATORS, PARTS
 from jaxsat.core.declaration.disturbances import DISTURBANCES
 from jaxsat.core.declaration.keys import DispersibleQuantity
 from jaxsat.core.declaration.quantities import DISPERSIBLE
-from jaxsat.core.declaration.sensors import SENSED
+from jaxsat.core.declaration.sensors import SAMPLING, SENSED
 from jaxsat.simulation.loops import AbstractLoop, failures_of, parts_of, sensor_failures_of
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dispersible import Dispersible, Limits
@@ -70,14 +70,14 @@ def _of_field(
     return Quantity(apply, limits, lambda loop: np.size(where(loop)), needs_number)
 
 
-def _of_sensor(place: str, what: str, one: DispersibleQuantity) -> Quantity:
-    """Quantity that is a field of the sensor at an attribute of a sampled loop."""
+def _of_sensor(name: str, what: str, one: DispersibleQuantity) -> Quantity:
+    """Quantity that is a field of the sensor with this name, or of the noise in `[sampling]`."""
 
     def sensor(loop: AbstractLoop) -> Any:
-        part: Any = loop
-        for name in place.split("."):
-            part = getattr(part, name, None)
-        return part
+        if name == SAMPLING:
+            return getattr(loop, "sensors", None)
+        navigation = getattr(loop, "navigation", None)
+        return None if navigation is None else navigation.sensors.get(name)
 
     def obstacle(loop: AbstractLoop) -> str | None:
         if not isinstance(loop, SampledLoop):
@@ -261,8 +261,8 @@ def _needs_delay(loop: AbstractLoop) -> str | None:
 _QUANTITIES: dict[str, Quantity] = {
     **MODEL_QUANTITIES,
     **{
-        one.name: _of_sensor(place, sensor.summary, one)
-        for place, sensor in SENSED.items()
+        one.name: _of_sensor(name, sensor.summary, one)
+        for name, sensor in SENSED.items()
         for one in sensor.quantities
         if one.field is not None
     },

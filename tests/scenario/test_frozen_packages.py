@@ -55,10 +55,18 @@ RELEASE_0_2 = {
             "failure_amount": [0.25, np.nan],
         },
     ),
+    "beacon": (
+        {
+            "w": [7.05832e-4, 4.42462e-4],
+            "attitude_estimate_error": [1.318480e-3, 1.005532e-3, 5.63026e-4],
+            "sensor_excluded": [0.0, 1.0, 0.0],
+        },
+        {"sensor_exclusions": [0.0, 1.0, 0.0]},
+    ),
 }
 """At the end of the flight, and of each case of the study."""
 
-DIGEST = "56345b62db7a9bed9b05a6d768a8e2e1e36f071393392451b2d29c79d3b68319"
+DIGEST = "699a6db8245496c795da8abcf2fc144a65bad15a4c180ec882a848bdb7dd9d3a"
 """SHA-256 of the paths and texts of the packages."""
 
 
@@ -86,6 +94,7 @@ def test_what_packages_of_0_2_import_is_there():
 def test_packages_of_0_2_fly_as_they_did(tmp_path, monkeypatch, name):
     install_package(tmp_path, monkeypatch, PACKAGE)
     install_package(tmp_path, monkeypatch, FROZEN / "flywheels")
+    install_package(tmp_path, monkeypatch, FROZEN / "ground-beacon")
     ends, values = RELEASE_0_2[name]
     command = [
         sys.executable,

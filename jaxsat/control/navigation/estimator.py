@@ -69,8 +69,9 @@ class Measurement(NamedTuple):
     """Measurements that arrive at one sample: the present rate (rad/s), and an attitude.
 
     The attitude is older by the latency of the sensors; there is none where `seen` is false.
-    Without a star tracker both are None. `vectors` are the simultaneous measurements of
-    magnetometer, Sun sensor and horizon sensor, in this order, without absent ones.
+    Without a star tracker both are None. `vectors` are the simultaneous measurements of the
+    sensors of vectors: magnetometer, Sun sensor, horizon sensor and those of packages, in this
+    order, without absent ones.
 
     Without a gyro `rate` is None. For an estimator that knows the body, `valid` is whether the rate
     is valid, None for always; `torque` (N m, body axes) is the mean of what thrusters and
@@ -93,8 +94,8 @@ class Estimate(NamedTuple):
 
     The attitude is relative to the orbit frame, `omega` the inertial rate (rad/s), `bias` that of
     the gyro (rad/s). The sigmas are the computed standard deviations of the errors of attitude
-    (rad), rate and bias (rad/s) about each axis. For star tracker, magnetometer, Sun sensor,
-    horizon sensor and a gyro that is tested, without absent ones, `innovation` is the normalised
+    (rad), rate and bias (rad/s) about each axis. For the star tracker, each sensor of a
+    vector and a gyro that is tested, in the order of a measurement, `innovation` is the normalised
     square of the innovation of the last reading, over the threshold above which it is rejected, and
     `excluded` 1 for a sensor that is excluded, else 0. None marks values that are not estimated.
     """
@@ -113,8 +114,8 @@ class EstimatorContext(NamedTuple):
     """Data from a scenario for an estimator besides its own keys: the sensors as declared, the
     orbit, and the sample period (s).
 
-    `tracker` is None without a star tracker; `vectors` are the present ones of magnetometer, Sun
-    sensor and horizon sensor, in this order. Without a gyro `gyro` is None, and `body` is the
+    `tracker` is None without a star tracker; `vectors` are the sensors of vectors, in the
+    order of a measurement. Without a gyro `gyro` is None, and `body` is the
     declared spacecraft with its actuators as they are without failures.
     """
 

@@ -76,7 +76,7 @@ class Navigation(eqx.Module):
     """Gyro, sensors of the attitude and estimator between the true state and a sampled law.
 
     The measurements of all attitude sensors at a sample are delivered together, when the slowest
-    has arrived. At least one is given: `tracker`, `magnetometer`, `sun_sensor`, `horizon_sensor`.
+    has arrived. At least one is given: the star tracker or one of `vectors`, of different names.
     `attitude_sigma` (rad) is the standard deviation of the first estimate about each axis. All
     randomness is a function of `key` (two 32-bit words) and of the sample's number. `failures`
     number the attitude sensors that are given, in this order. The `body` is given for an estimator
@@ -89,9 +89,7 @@ class Navigation(eqx.Module):
     estimator: AbstractEstimator
     attitude_sigma: RealScalar = eqx.field(converter=not_negative("attitude_sigma"), default=0.0)
     key: UInt32[Array, "2"] = eqx.field(converter=as_key, default=(0, 0))
-    magnetometer: VectorSensor | None = None
-    sun_sensor: VectorSensor | None = None
-    horizon_sensor: VectorSensor | None = None
+    vectors: tuple[VectorSensor, ...] = ()
     failures: SensorFailures | None = None
     body: RigidBody | None = None
 
@@ -102,10 +100,11 @@ class Navigation(eqx.Module):
             raise ValueError("Argument `tracker` must be given without another such sensor.")
 
     @property
-    def vectors(self) -> tuple[VectorSensor, ...]:
-        """The present ones of magnetometer, Sun sensor and horizon sensor."""
-        each = (self.magnetometer, self.sun_sensor, self.horizon_sensor)
-        return tuple(one for one in each if one is not None)
+    def sensors(self) -> dict[str, Gyro | StarTracker | VectorSensor]:
+        """Star tracker, sensors of vectors and gyro by the names of their tables."""
+        tracker = {} if self.tracker is None else {"star_tracker": self.tracker}
+        gyro = {} if self.gyro is None else {"gyro": self.gyro}
+        return tracker | {one.key: one for one in self.vectors} | gyro
 
     def init(self, state: PlantState) -> NavigationState:
         """The state before the first sample, for the true `state`, with drawn bias and estimate."""

@@ -14,3 +14,4 @@ from jaxsat.core.declaration.keys import direction as direction
 from jaxsat.core.declaration.keys import number as number
 from jaxsat.core.declaration.keys import switch as switch
 from jaxsat.core.declaration.law import LawDeclaration as LawDeclaration
+from jaxsat.core.declaration.sensor import VectorDeclaration as VectorDeclaration

@@ -72,6 +72,11 @@ class Key:
         if isinstance(self.kind, Numeric) and self.default not in (..., None):
             self._require_within(self.kind)
 
+    @property
+    def stem(self) -> str:
+        """Name without the unit, such as that of the field of a built part."""
+        return self.name if self.unit is None else self.name.removesuffix(with_unit("", self.unit))
+
     def _require_within(self, kind: Numeric) -> None:
         entries = self.default if isinstance(self.default, tuple) else (self.default,)
         for entry in entries:
@@ -234,7 +239,7 @@ def _quantity_of(key: Key) -> DispersibleQuantity:
         key.drawn,
         meaning[:1].lower() + meaning[1:],
         key.unit,
-        field=key.name.removesuffix(with_unit("", key.unit)),
+        field=key.stem,
         within=Range(low, key.kind.at_most),
         axis="body_axis" if key.kind.size == 3 else None,
     )

@@ -1,21 +1,29 @@
 """Declaration of a sensor with a table of its own."""
 
+import dataclasses
 import pkgutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from jaxsat.core.declaration.failures import AbstractFailureKind
-from jaxsat.core.declaration.keys import Key, PartDeclaration, number
+from jaxsat.core.declaration.keys import Key, PartDeclaration, number, require_own_keys
+from jaxsat.core.declaration.units import with_unit
 from jaxsat.core.ranges import (
+    FIELD_BIAS,
+    FIELD_NOISE,
     FROM_ZERO,
     GYRO_BIAS,
+    HALF_ANGLE,
     MISALIGNMENT,
     PROBABILITY,
     RATE_NOISE,
+    SCALE_FACTOR,
     SECONDS,
     TORQUE,
     TRACKER_NOISE,
+    VECTOR_BIAS,
+    VECTOR_NOISE,
     WHEEL_NOISE,
     Range,
 )
@@ -98,33 +106,120 @@ class SensorDeclaration(PartDeclaration):
 
     - `name`: of its table `[name]`.
     - `meaning`: one line, for the schema.
-    - `place`: the attribute of a sampled loop that has the sensor.
     - `maker`: "module:Class.method" of the function that returns the sensor from a checked table
       and a `SensorContext`. Imports happen at first use.
+    - `unit`: that of the vector that the sensor measures, see `VectorDeclaration`; `maker` then
+      returns this vector, an `AbstractSensedVector`. None for other sensors.
     - `kinds`: kinds of failure in flight.
     """
 
     name: str
     meaning: str
-    place: str
     maker: str
-    kinds: tuple[AbstractFailureKind, ...]
+    unit: str | None = None
+    kinds: tuple[AbstractFailureKind, ...] = tuple(SensorFailureKind)
 
     def made(self, table: Mapping[str, Any], context: Any) -> Any:
         """Return the sensor of a checked table in a `SensorContext`."""
-        return pkgutil.resolve_name(self.maker)(table, context)
+        part = pkgutil.resolve_name(self.maker)(table, context)
+        if self.unit is None:
+            return part
+        return vector_sensor(self.name, self.unit, part, table, context)
 
 
-def misalignment(meaning: str, drawn: str) -> Key:
-    """Declare a small rotation in body axes, which studies draw under the name `drawn`."""
-    return number(
-        "misalignment_rad",
-        meaning,
-        within=MISALIGNMENT,
-        size=3,
-        default=(0.0, 0.0, 0.0),
-        drawn=drawn,
+@dataclass(frozen=True, kw_only=True)
+class VectorDeclaration(PartDeclaration):
+    """A vector that a sensor of a package's own measures.
+
+    `unit` is that of the sensor's noise, "rad" for a unit vector, of which only the direction
+    counts. `keys` are those of the vector itself; noise, errors, times and outages of the sensor
+    follow them.
+    """
+
+    unit: str = "rad"
+
+    def __post_init__(self):
+        common = vector_keys(self.unit)
+        require_own_keys(self.keys, "sensor", ("kind", *(key.name for key in common)))
+        object.__setattr__(self, "keys", (*self.keys, *common))
+        super().__post_init__()
+
+
+def vector_sensor(name: str, unit: str, vector: Any, table: Mapping[str, Any], context: Any) -> Any:
+    """Return the `VectorSensor` of a vector from a checked table in a `SensorContext`."""
+    maker = pkgutil.resolve_name("jaxsat.spacecraft.vector_sensors:VectorSensor.from_table")
+    return maker(name, unit, vector, table, context.period)
+
+
+def drawn(prefix: str, *keys: Key) -> tuple[Key, ...]:
+    """Return keys that studies draw, by the name with this prefix; none for an empty prefix."""
+    if not prefix:
+        return keys
+    return tuple(dataclasses.replace(key, drawn=f"{prefix}_{key.stem}") for key in keys)
+
+
+def vector_keys(unit: str, sensor: str = "sensor", prefix: str = "") -> tuple[Key, ...]:
+    """Declare the keys of a `sensor` of a vector in this unit, "rad" for a direction.
+
+    `prefix` is that of the names in studies, see `drawn`.
+    """
+    direction = unit == "rad"
+    noises, biases = _RANGES.get(unit, (VECTOR_NOISE, VECTOR_BIAS))
+    meaning = (
+        "Standard deviation of the measured direction about each axis across it"
+        if direction
+        else "Standard deviation of white noise on each component of the measured vector"
     )
+    noise = number(with_unit("noise", unit), meaning, unit, within=noises)
+    turn = misalignment("Small rotation of the measured vector, in body axes")
+    times = measurement_times("; measurements of faster sensors wait for the slowest")
+    rest = _view() if direction else drawn(prefix, *_errors(unit, biases))
+    return (*drawn(prefix, noise, turn), *times, *drawn(prefix, *outage(sensor)), *rest)
+
+
+_RANGES = {"rad": (TRACKER_NOISE, VECTOR_BIAS), "T": (FIELD_NOISE, FIELD_BIAS)}
+"""Standard deviations and biases of measured vectors, by unit."""
+
+
+def _view() -> tuple[Key, Key]:
+    half_angle = number(
+        "half_angle_rad",
+        "Half of the angle of the conical field of view; by default everything is in view",
+        within=HALF_ANGLE,
+        default=None,
+    )
+    return boresight("the middle of the field of view"), half_angle
+
+
+def _errors(unit: str, biases: Range) -> tuple[Key, Key]:
+    return (
+        number(
+            with_unit("bias", unit),
+            "Error of the measured vector that is fixed in body axes, of all axes or of each",
+            unit,
+            within=biases,
+            size=(1, 3),
+            default=0.0,
+        ),
+        scale_factor("vector"),
+    )
+
+
+def scale_factor(what: str) -> Key:
+    """Declare the relative error of what is measured."""
+    return number(
+        "scale_factor",
+        f"Relative error of the measured {what}, of all axes or of each",
+        within=SCALE_FACTOR,
+        size=(1, 3),
+        default=0.0,
+    )
+
+
+def misalignment(meaning: str) -> Key:
+    """Declare a small rotation in body axes."""
+    zero = (0.0, 0.0, 0.0)
+    return number("misalignment_rad", meaning, within=MISALIGNMENT, size=3, default=zero)
 
 
 def boresight(what: str) -> Key:
@@ -139,8 +234,8 @@ def boresight(what: str) -> Key:
     )
 
 
-def measurement_times(remark: str = "", drawn: str | None = None) -> tuple[Key, Key]:
-    """Declare period and latency of measurements; `drawn` prefixes their names in studies."""
+def measurement_times(remark: str = "") -> tuple[Key, Key]:
+    """Declare period and latency of measurements."""
     return (
         number(
             "update_period_s",
@@ -148,7 +243,6 @@ def measurement_times(remark: str = "", drawn: str | None = None) -> tuple[Key, 
             "default",
             within=SECONDS,
             default=None,
-            drawn=drawn and f"{drawn}_update_period",
         ),
         number(
             "latency_s",
@@ -156,14 +250,12 @@ def measurement_times(remark: str = "", drawn: str | None = None) -> tuple[Key, 
             f"zero{remark}",
             within=FROM_ZERO,
             default=0.0,
-            drawn=drawn and f"{drawn}_latency",
         ),
     )
 
 
 def outage(
     sensor: str,
-    drawn: str | None = None,
     start: Range = FROM_ZERO,
     *,
     prefix: str = "",
@@ -171,12 +263,11 @@ def outage(
 ) -> tuple[Key, Key, Key]:
     """Declare start and length of an outage of a `sensor`, and the time from one to the next.
 
-    `drawn` prefixes their names in studies, and `prefix` the keys; `effect` is that of an outage.
+    `prefix` is that of the keys; `effect` is that of an outage.
     """
 
     def key(end: str, meaning: str, within: Range) -> Key:
-        name = drawn and f"{drawn}_outage{end}"
-        return number(f"{prefix}outage{end}_s", meaning, within=within, default=None, drawn=name)
+        return number(f"{prefix}outage{end}_s", meaning, within=within, default=None)
 
     return (
         key("_start", f"Time at which an outage begins, in which {effect}; by default none", start),

@@ -1,25 +1,25 @@
 """`[sampling]`, `[gyro]`, `[star_tracker]`, and sensors of vectors known along the orbit."""
 
-from jaxsat.core.declaration.keys import DispersibleQuantity, Key, PartDeclaration, number
+from jaxsat.core.declaration.failures import AbstractFailureKind
+from jaxsat.core.declaration.keys import DispersibleQuantity, PartDeclaration, number
 from jaxsat.core.declaration.sensor import (
     GyroFailureKind,
     SensorDeclaration,
     SensorFailureKind,
     boresight,
+    drawn,
     measurement_times,
     misalignment,
     outage,
+    scale_factor,
+    vector_keys,
 )
 from jaxsat.core.ranges import (
     ATTITUDE_NOISE,
-    FIELD_BIAS,
-    FIELD_NOISE,
     FROM_ZERO,
     GYRO_BIAS,
-    HALF_ANGLE,
     RATE_NOISE,
     RATE_RANGE,
-    SCALE_FACTOR,
     SECONDS,
     TRACKER_NOISE,
 )
@@ -64,32 +64,31 @@ HOLD_SAMPLES = 10
 GYRO = SensorDeclaration(
     name="gyro",
     meaning="Rate gyros of a sampled law",
-    place="navigation.gyro",
     maker="jaxsat.spacecraft.navigation_sensors:Gyro.from_table",
     summary="rate gyros",
     kinds=tuple(GyroFailureKind),
     keys=(
-        number(
-            "noise_density_rad_s_sqrt_Hz",
-            "Density of the white noise on each measured rate (angle random walk)",
-            within=RATE_NOISE,
-            default=0.0,
-            drawn="gyro_noise_density",
-        ),
-        number(
-            "bias_walk_rad_s2_sqrt_Hz",
-            "Density of the white noise that moves each bias (rate random walk)",
-            within=RATE_NOISE,
-            default=0.0,
-            drawn="gyro_bias_walk",
-        ),
-        number(
-            "bias_rad_s",
-            "Bias at the start, of all axes or of each",
-            within=GYRO_BIAS,
-            size=(1, 3),
-            default=0.0,
-            drawn="gyro_bias",
+        *drawn(
+            "gyro",
+            number(
+                "noise_density_rad_s_sqrt_Hz",
+                "Density of the white noise on each measured rate (angle random walk)",
+                within=RATE_NOISE,
+                default=0.0,
+            ),
+            number(
+                "bias_walk_rad_s2_sqrt_Hz",
+                "Density of the white noise that moves each bias (rate random walk)",
+                within=RATE_NOISE,
+                default=0.0,
+            ),
+            number(
+                "bias_rad_s",
+                "Bias at the start, of all axes or of each",
+                within=GYRO_BIAS,
+                size=(1, 3),
+                default=0.0,
+            ),
         ),
         number(
             "bias_sigma_rad_s",
@@ -97,55 +96,53 @@ GYRO = SensorDeclaration(
             within=RATE_NOISE,
             default=0.0,
         ),
-        number(
-            "scale_factor",
-            "Relative error of the measured rate, of all axes or of each",
-            within=SCALE_FACTOR,
-            size=(1, 3),
-            default=0.0,
-            drawn="gyro_scale_factor",
+        *drawn(
+            "gyro",
+            scale_factor("rate"),
+            misalignment("Small rotation of the three input axes, in body axes"),
         ),
-        misalignment("Small rotation of the three input axes, in body axes", "gyro_misalignment"),
         number(
             "limit_rad_s",
             "Largest rate that an axis can measure; by default unlimited",
             within=RATE_RANGE,
             default=None,
         ),
-        *outage("gyros", "gyro", start=SECONDS),
+        *drawn("gyro", *outage("gyros", SECONDS)),
     ),
 )
 
 STAR_TRACKER = SensorDeclaration(
     name="star_tracker",
     meaning="Star tracker of a sampled law",
-    place="navigation.tracker",
     maker="jaxsat.spacecraft.navigation_sensors:StarTracker.from_table",
     summary="star tracker",
-    kinds=tuple(SensorFailureKind),
     keys=(
-        number(
-            "across_rad",
-            "Standard deviation of the measured attitude about each direction across the boresight",
-            within=TRACKER_NOISE,
-            drawn="tracker_across",
-        ),
-        number(
-            "along_rad",
-            "Standard deviation of the measured attitude about the boresight",
-            within=TRACKER_NOISE,
-            drawn="tracker_along",
+        *drawn(
+            "tracker",
+            number(
+                "across_rad",
+                "Standard deviation of the measured attitude about each direction across the "
+                "boresight",
+                within=TRACKER_NOISE,
+            ),
+            number(
+                "along_rad",
+                "Standard deviation of the measured attitude about the boresight",
+                within=TRACKER_NOISE,
+            ),
         ),
         boresight("the boresight"),
-        *measurement_times(drawn="tracker"),
-        number(
-            "rate_limit_rad_s",
-            "Largest |ω| at which there are measurements; by default unlimited",
-            within=RATE_RANGE,
-            default=None,
-            drawn="tracker_rate_limit",
+        *drawn(
+            "tracker",
+            *measurement_times(),
+            number(
+                "rate_limit_rad_s",
+                "Largest |ω| at which there are measurements; by default unlimited",
+                within=RATE_RANGE,
+                default=None,
+            ),
+            *outage("star tracker"),
         ),
-        *outage("star tracker", "tracker"),
     ),
     dispersible=(
         DispersibleQuantity(
@@ -163,105 +160,40 @@ STAR_TRACKER = SensorDeclaration(
 )
 
 
-def _common_keys(name: str, noise: Key) -> tuple[Key, ...]:
-    """Return the common keys: noise, misalignment, times of measurements, and an outage."""
-    return (
-        noise,
-        misalignment("Small rotation of the measured vector, in body axes", f"{name}_misalignment"),
-        *measurement_times("; measurements of faster sensors wait for the slowest"),
-        *outage(name.replace("_", " "), name),
+def _of_vector(name: str, words: str, vector: str, unit: str = "rad") -> SensorDeclaration:
+    """Declare the sensor of a `vector`, the class "module:Class" in the environment."""
+    return SensorDeclaration(
+        name=name,
+        meaning=f"{words[0].upper()}{words[1:]} of a sampled law",
+        maker=f"jaxsat.spacecraft.environment.{vector}.from_table",
+        summary=words,
+        unit=unit,
+        keys=vector_keys(unit, words, name),
     )
 
-
-def _direction_keys(name: str) -> tuple[Key, ...]:
-    """Return the keys of direction sensors: noise across the direction, and a field of view."""
-    noise = number(
-        "noise_rad",
-        "Standard deviation of the measured direction about each axis across it",
-        within=TRACKER_NOISE,
-        drawn=f"{name}_noise",
-    )
-    return (
-        *_common_keys(name, noise),
-        boresight("the middle of the field of view"),
-        number(
-            "half_angle_rad",
-            "Half of the angle of the conical field of view; by default everything is in view",
-            within=HALF_ANGLE,
-            default=None,
-        ),
-    )
-
-
-MAGNETOMETER = SensorDeclaration(
-    name="magnetometer",
-    meaning="Three-axis magnetometer of a sampled law",
-    place="navigation.magnetometer",
-    maker="jaxsat.spacecraft.vector_sensors:magnetometer",
-    summary="magnetometer",
-    kinds=tuple(SensorFailureKind),
-    keys=(
-        *_common_keys(
-            "magnetometer",
-            number(
-                "noise_T",
-                "Standard deviation of white noise on each component of the measured field",
-                within=FIELD_NOISE,
-                drawn="magnetometer_noise",
-            ),
-        ),
-        number(
-            "bias_T",
-            "Error of the measured field that is fixed in body axes, of all or of each",
-            within=FIELD_BIAS,
-            size=(1, 3),
-            default=0.0,
-            drawn="magnetometer_bias",
-        ),
-        number(
-            "scale_factor",
-            "Relative error of the measured field, of all axes or of each",
-            within=SCALE_FACTOR,
-            size=(1, 3),
-            default=0.0,
-            drawn="magnetometer_scale_factor",
-        ),
-    ),
-)
-
-SUN_SENSOR = SensorDeclaration(
-    name="sun_sensor",
-    meaning="Sun sensor of a sampled law",
-    place="navigation.sun_sensor",
-    maker="jaxsat.spacecraft.vector_sensors:sun_sensor",
-    summary="Sun sensor",
-    kinds=tuple(SensorFailureKind),
-    keys=_direction_keys("sun_sensor"),
-)
-
-HORIZON_SENSOR = SensorDeclaration(
-    name="horizon_sensor",
-    meaning="Horizon sensor of a sampled law",
-    place="navigation.horizon_sensor",
-    maker="jaxsat.spacecraft.vector_sensors:horizon_sensor",
-    summary="horizon sensor",
-    kinds=tuple(SensorFailureKind),
-    keys=_direction_keys("horizon_sensor"),
-)
 
 ATTITUDE_SENSORS: tuple[SensorDeclaration, ...] = (
     STAR_TRACKER,
-    MAGNETOMETER,
-    SUN_SENSOR,
-    HORIZON_SENSOR,
+    _of_vector("magnetometer", "magnetometer", "sensed_vectors:FieldAlongOrbit", "T"),
+    _of_vector("sun_sensor", "Sun sensor", "orbital_torques:Sunlight"),
+    _of_vector("horizon_sensor", "horizon sensor", "sensed_vectors:Nadir"),
 )
 """Intermittent sensors of the attitude; after the first the sensors of vectors."""
-
-FILTER_SENSORS: tuple[SensorDeclaration, ...] = (*ATTITUDE_SENSORS, GYRO)
-"""Sensors whose readings a filter tests, in its order; the gyro if it predicts by the dynamics."""
 
 SENSORS: tuple[SensorDeclaration, ...] = (GYRO, *ATTITUDE_SENSORS)
 """Sensors with a table of their own, in the order of a scenario."""
 
-SENSED = {"sensors": WHITE_NOISE} | {one.place: one for one in SENSORS}
-"""Declarations of all sensors by their attribute in a sampled loop."""
+OTHER_SENSORS = "sensor"
+"""Tables `[sensor.NAME]` of sensors that do not come with jaxsat."""
+
+FAILING: dict[str, tuple[AbstractFailureKind, ...]] = {
+    **{one.name: one.kinds for one in SENSORS},
+    OTHER_SENSORS: tuple(SensorFailureKind),
+}
+"""Kinds of failure of each sensor, by the first word of its name in `[[failure]]`."""
+
+SAMPLING = "sampling"
+"""Table of the white noise that stands in for sensors."""
+
+SENSED: dict[str, PartDeclaration] = {SAMPLING: WHITE_NOISE} | {one.name: one for one in SENSORS}
+"""Declarations of all that a sampled law measures with, by the name of the table."""

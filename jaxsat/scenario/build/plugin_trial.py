@@ -24,6 +24,7 @@ from jaxsat.scenario.plugins import Part, place_in
 from jaxsat.scenario.quantities import values_of
 from jaxsat.spacecraft.actuators import AbstractActuators
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.environment.sensed_vectors import AbstractSensedVector
 
 Controller = AbstractController | AbstractSampledController
 LAW = ("control", "law")
@@ -95,6 +96,21 @@ def require_torque(
         value = eqx.filter_eval_shape(torque, *arguments)
     place = _place_of_method(part.made, "__call__")
     _require_shape(part, location, value, (3,), f"gives {{}}, a torque in N m{place}")
+
+
+def require_vector(part: Part, location: Location, vector: AbstractSensedVector) -> None:
+    """Raise `BuildError` if a sensed vector, called once, raises or returns other shapes."""
+    t = jnp.zeros(())
+    with sound(part, location, part.made):
+        outcome = eqx.filter_eval_shape(vector, t)
+        ideal = eqx.filter_eval_shape(vector.distorted, t, jnp.zeros(3))
+    place = _place_of_method(part.made, "__call__")
+    if not (isinstance(outcome, tuple) and len(outcome) == 2):
+        _refuse(part, location, f"gives a vector and its visibility{place}", outcome)
+    _require_shape(part, location, outcome[0], (3,), f"gives {{}}, a vector{place}")
+    _require_shape(part, location, outcome[1], (), f"gives {{}}, a visibility{place}")
+    place = _place_of_method(part.made, "distorted")
+    _require_shape(part, location, ideal, (3,), f"gives {{}} from `distorted`{place}")
 
 
 def require_estimates(

@@ -1,7 +1,7 @@
 """Construction of the inputs of a sampled law: sensors, delay, navigation."""
 
 import dataclasses
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -13,22 +13,31 @@ from jaxsat.control.navigation.navigation import Navigation
 from jaxsat.core.allocation import unit_columns
 from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float
-from jaxsat.core.declaration.sensor import TACHOMETER, SensorDeclaration
-from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS, PATIENCE, PROBATION, SENSORS
+from jaxsat.core.declaration.sensor import TACHOMETER, VectorDeclaration, vector_sensor
+from jaxsat.core.declaration.sensors import (
+    GYRO,
+    OTHER_SENSORS,
+    PATIENCE,
+    PROBATION,
+    SENSORS,
+    STAR_TRACKER,
+)
 from jaxsat.core.noise import key_of_seed
 from jaxsat.scenario.build.plant import gravity_gradient, orbit_of, orbit_rate, sensor_context
-from jaxsat.scenario.build.plugin_trial import made_part, require_estimates
-from jaxsat.scenario.derived import has_invalid_momenta, predicts_by_dynamics
+from jaxsat.scenario.build.plugin_trial import made_part, require_estimates, require_vector
+from jaxsat.scenario.derived import attitude_tables, has_invalid_momenta, predicts_by_dynamics
 from jaxsat.scenario.parts.estimator import OwnEstimatorTable
-from jaxsat.scenario.parts.named import number_of
+from jaxsat.scenario.parts.named import PartTable, number_of
 from jaxsat.scenario.parts.sensors import SamplingTable
-from jaxsat.scenario.plugins import ESTIMATOR, find_part
+from jaxsat.scenario.plugins import ESTIMATOR, SENSOR, find_part
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft.dynamics import RigidBody
 from jaxsat.spacecraft.environment.disturbances import NoDisturbance
 from jaxsat.spacecraft.environment.orbit import AbstractOrbit
+from jaxsat.spacecraft.navigation_sensors import SensorContext
 from jaxsat.spacecraft.sensor_failures import GyroFailures, SensorFailures, TachometerFailures
 from jaxsat.spacecraft.sensors import Sensors, Tachometers
+from jaxsat.spacecraft.vector_sensors import VectorSensor
 
 
 def build_sampling(scenario: Scenario) -> tuple[Sensors | None, RealScalar | None]:
@@ -41,7 +50,7 @@ def build_sampling(scenario: Scenario) -> tuple[Sensors | None, RealScalar | Non
     def differs(name: str) -> bool:
         return values[name] > 0 or getattr(scenario.dispersion, name, None) is not None
 
-    white = not _sensor_tables(scenario)
+    white = scenario.gyro is None and not attitude_tables(scenario)
     noisy = white and (differs("rate_noise_rad_s") or differs("attitude_noise_rad"))
     key = key_of_seed(scenario.simulation.seed)
     return (
@@ -75,10 +84,22 @@ def tachometer_noise(scenario: Scenario) -> np.ndarray:
     return np.array([one.tachometer_noise_N_m_s for one in scenario.wheel])
 
 
-def _sensor_tables(scenario: Scenario) -> list[tuple[SensorDeclaration, Any]]:
-    """The sensors with a table in a scenario, and these tables."""
+def _sensors(scenario: Scenario) -> dict[str, Any]:
+    """The sensors of a scenario by the names of their tables, those of packages last."""
+    context = sensor_context(scenario)
     tables = [(one, getattr(scenario, one.name)) for one in SENSORS]
-    return [(one, table) for one, table in tables if table is not None]
+    own = {one.name: one.made(dict(table), context) for one, table in tables if table is not None}
+    others = {name: _other(name, table, context) for name, table in scenario.sensor.items()}
+    return own | others
+
+
+def _other(name: str, table: PartTable, context: SensorContext) -> VectorSensor:
+    """A sensor that does not come with jaxsat."""
+    part, location = find_part(SENSOR, table.kind), (OTHER_SENSORS, name, "kind")
+    vector = made_part(part, location, table, context)
+    require_vector(part, location, vector)
+    unit = cast(VectorDeclaration, part.declaration).unit
+    return vector_sensor(name, unit, vector, dict(table), context)
 
 
 def build_navigation(scenario: Scenario, plant: RigidBody) -> Navigation | None:
@@ -88,28 +109,24 @@ def build_navigation(scenario: Scenario, plant: RigidBody) -> Navigation | None:
     the dynamics, it also knows the spacecraft of the scenario: `plant`, but without failures, and
     of its disturbances the gravity gradient alone.
     """
-    tables = _sensor_tables(scenario)
-    if not tables:
+    if scenario.gyro is None and not attitude_tables(scenario):
         return None
-    context, period = sensor_context(scenario), as_float(scenario.control.period_s)
-    sensors = {
-        one.place.removeprefix("navigation."): one.made(dict(table), context)
-        for one, table in tables
-    }
-    sensors = {"tracker": None, "gyro": None} | sensors
-    strikes = [(0, one) for one in scenario.failure if one.of == "gyro"]
-    if sensors["gyro"] is not None:
-        failures = GyroFailures.from_tables(strikes)
-        sensors["gyro"] = dataclasses.replace(sensors["gyro"], failures=failures)
+    sensors, period = _sensors(scenario), as_float(scenario.control.period_s)
+    gyro, tracker = sensors.pop(GYRO.name, None), sensors.pop(STAR_TRACKER.name, None)
+    if gyro is not None:
+        strikes = [(0, one) for one in scenario.failure if one.of == GYRO.name]
+        gyro = dataclasses.replace(gyro, failures=GyroFailures.from_tables(strikes))
     table: Any = scenario.estimator or OwnEstimatorTable()
     orbit = orbit_of(scenario.orbit.relation, orbit_rate(scenario))
     navigation = Navigation(
+        gyro,
+        tracker,
         estimator=RawMeasurements(),
         attitude_sigma=table.attitude_sigma_rad,
         key=key_of_seed(scenario.simulation.seed),
         failures=_failures(scenario, orbit),
         body=_declared(scenario, plant) if predicts_by_dynamics(scenario) else None,
-        **sensors,
+        vectors=tuple(sensors.values()),
     )
     parts = (navigation.gyro, navigation.tracker, orbit, period, navigation.vectors)
     estimator = _estimator(scenario, EstimatorContext(*parts, navigation.body), navigation)
@@ -125,7 +142,7 @@ def _declared(scenario: Scenario, plant: RigidBody) -> RigidBody:
 
 def _failures(scenario: Scenario, orbit: AbstractOrbit) -> SensorFailures | None:
     """Failures of the attitude sensors, numbered among those of the scenario."""
-    names = [one.name for one in ATTITUDE_SENSORS if getattr(scenario, one.name) is not None]
+    names = [*attitude_tables(scenario)]
     strikes = [(names.index(one.of), one) for one in scenario.failure if one.of in names]
     return SensorFailures.from_tables(strikes, orbit)
 

@@ -7,13 +7,14 @@ from pydantic import field_validator
 
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.sensor import TACHOMETER, TachometerFailureKind
-from jaxsat.core.declaration.sensors import FILTER_SENSORS, SENSORS
+from jaxsat.core.declaration.sensors import FAILING, GYRO, OTHER_SENSORS, SENSORS
 from jaxsat.core.declaration.thrusters import IDEAL_KINDS
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.text import suggestion
 from jaxsat.scenario.derived import predicts_by_dynamics
 from jaxsat.scenario.errors import Issue, Location
 from jaxsat.scenario.parts.named import names_of, number_of
+from jaxsat.scenario.parts.sensors import given_sensors
 from jaxsat.scenario.quantities import (
     Line,
     ScenarioTable,
@@ -29,10 +30,8 @@ from jaxsat.scenario.wording import shown
 _IDEAL = "thruster of thruster_torque_axes"
 _BY_NAME = {one.name: one for one in ACTUATORS}
 _TABLES = tuple(_BY_NAME)
-_SENSORS = {one.name: one.kinds for one in SENSORS}
-_OF_SENSORS = _SENSORS | {TACHOMETER: tuple(TachometerFailureKind)}
+_OF_SENSORS = FAILING | {TACHOMETER: tuple(TachometerFailureKind)}
 _KINDS = {one.name: one.kinds for one in ACTUATORS} | {_IDEAL: IDEAL_KINDS} | _OF_SENSORS
-_TESTED = tuple(one.name for one in FILTER_SENSORS)
 _WORDS = {
     name: ", ".join(f'"{kind.text}" ({kind.meaning})' for kind in kinds)
     for name, kinds in _KINDS.items()
@@ -61,8 +60,8 @@ class _Failure(ScenarioTable):
     of: Line = choice(
         "What fails, such as "
         + ", ".join(f'"{name} {number}"' for number, name in enumerate(_TABLES, 1))
-        + f' or "thruster" and its name; or a sensor, {", ".join(_SENSORS)}, or "tachometer" and '
-        "the name or number of its wheel"
+        + f' or "thruster" and its name; or a sensor, {", ".join(one.name for one in SENSORS)}, '
+        f'"{OTHER_SENSORS}" and its name, or "tachometer" and the name or number of its wheel'
     )
     at_s: Time = quantity("When it fails", "s")
     kind: FailureName = choice(f"How it fails. {_KINDS_IN_WORDS}")
@@ -100,7 +99,8 @@ def _failures_have_something_to_strike(values):
     tables = {name: values[name] for name in _TABLES}
     tables["thruster"] = tables["thruster"] or values["spacecraft.thruster_torque_axes"] or ()
     tables[TACHOMETER] = tables["wheel"]
-    sensors = [name for name in _SENSORS if any(key.startswith(f"{name}.") for key in values)]
+    gyro = [GYRO.name] if any(key.startswith(f"{GYRO.name}.") for key in values) else []
+    sensors = [*gyro, *(name.replace(".", " ") for name in given_sensors(values))]
     for number, one in enumerate(values["failure"]):
         if one.of not in sensors and number_of(one.of, one.part, tables.get(one.part, ())) is None:
             names = [f"{name} {which}" for name, all in tables.items() for which in names_of(all)]
@@ -241,7 +241,8 @@ def _untested(scenario: Any) -> Iterator[Issue]:
     if getattr(estimator, "false_alarm_probability", None) is not None:
         return
     for one in scenario.failure:
-        if one.of in failing.intersection(_TESTED) and one.kind != "dead":
+        tested = one.of in failing and one.part in FAILING
+        if tested and one.kind != "dead":
             message = (
                 f"should be given, else the filter uses every reading of the failed {one.of}, got "
                 "nothing"
@@ -264,6 +265,11 @@ def _after_the_end(scenario: Any) -> Iterator[Issue]:
         for one in SENSORS
         for key in one.keys
         if key.name == "outage_start_s"
+    }
+    begins[OTHER_SENSORS] = {
+        (OTHER_SENSORS, name, "outage_start_s"): table.outage_start_s
+        for name, table in scenario.sensor.items()
+        if table.outage_start_s is not None
     }
     begins["tachometer_outage_start_s"] = {
         ("wheel", number, "tachometer_outage_start_s"): one.tachometer_outage_start_s

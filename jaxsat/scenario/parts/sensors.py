@@ -6,21 +6,28 @@ its keys; if not, they receive the table itself, as None.
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from annotated_types import Ge, Le
+from pydantic import SerializeAsAny
 
 from jaxsat.core.declaration.disturbances import needs_orbit
 from jaxsat.core.declaration.sensors import (
     ATTITUDE_SENSORS,
     DELAY,
+    GYRO,
     HOLD_SAMPLES,
+    OTHER_SENSORS,
     SENSORS,
+    STAR_TRACKER,
     WHITE_NOISE,
     SensorDeclaration,
 )
 from jaxsat.core.earth import EARTH_GRAVITY
+from jaxsat.scenario.derived import attitude_tables
 from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.parts.named import PartTable, by_its_kind
+from jaxsat.scenario.plugins import SENSOR, PluginKind
 from jaxsat.scenario.quantities import (
     ScenarioTable,
     Whole,
@@ -66,17 +73,39 @@ TABLES = {one.name: (_table_of(one) | None, choice(one.meaning, None)) for one i
 """Table and meaning of each sensor that has a table of its own."""
 
 
+class SensorTable(PartTable):
+    """`[sensor.NAME]`: a sensor that does not come with jaxsat, of a vector."""
+
+    plugin: ClassVar[PluginKind] = SENSOR
+
+
+OneSensor = Annotated[SerializeAsAny[SensorTable], by_its_kind(SensorTable)]
+
+
 MAX_LATENCY = 1000
 """Largest latency of a measurement in control periods; as many measurements are buffered."""
 
 
-ATTITUDE = tuple(one.name for one in ATTITUDE_SENSORS)
-"""Tables of the attitude sensors."""
+ATTITUDE = (*(one.name for one in ATTITUDE_SENSORS), OTHER_SENSORS)
+"""Tables of the attitude sensors; their keys are absent where no such table is empty."""
 
 
 def given_sensors(values: Values) -> list[str]:
-    """Return the tables of `ATTITUDE` that a scenario has."""
-    return [one for one in ATTITUDE if any(key.startswith(f"{one}.") for key in values)]
+    """Return the tables of attitude sensors that a scenario has, such as "sensor.NAME"."""
+    own = [one for one in ATTITUDE[:-1] if any(key.startswith(f"{one}.") for key in values)]
+    kinds = [one for one in values if one.startswith(f"{OTHER_SENSORS}.") and one.endswith(".kind")]
+    return [*own, *(one.removesuffix(".kind") for one in kinds)]
+
+
+@rule_over()
+def _other_sensors_have_names_of_their_own(values):
+    given = given_sensors(values)
+    for one in given:
+        name = one.removeprefix(f"{OTHER_SENSORS}.")
+        if name != one and (name in (*given, GYRO.name, STAR_TRACKER.name)):
+            yield at(one, f"must have a name that no other sensor has, got {name}")
+        if name != one and not name.isidentifier():
+            yield at(one, f"must have a name of letters, digits and _, got {shown(name)}")
 
 
 @rule_over("gyro.limit_rad_s", *ATTITUDE)
@@ -85,7 +114,7 @@ def _gyro_has_a_sensor_of_the_attitude(values):
     yield at("star_tracker", message, True)
 
 
-@rule("star_tracker", "magnetometer", "horizon_sensor", "sun_sensor.noise_rad")
+@rule("star_tracker", "magnetometer", "horizon_sensor", OTHER_SENSORS, "sun_sensor.noise_rad")
 def _sun_sensor_has_another_beside_it(*others):
     yield at(
         "magnetometer",
@@ -133,8 +162,8 @@ def _whole_periods(key, value, period, most):
 
 @rule_over()
 def _outages_are_complete(values):
-    for one in SENSORS:
-        begin = f"{one.name}."
+    for one in (GYRO.name, *given_sensors(values)):
+        begin = f"{one}."
         table = {
             key.removeprefix(begin): values[key]
             for key in (f"{begin}outage{end}_s" for end in ("_start", "", "_every"))
@@ -147,7 +176,7 @@ def _outages_are_complete(values):
 
 @rule_over()
 def _boresights_are_directions(values):
-    for one in ATTITUDE:
+    for one in given_sensors(values):
         boresight = values.get(f"{one}.boresight")
         if boresight is not None and sum(entry * entry for entry in boresight) < 1e-12:
             yield at(f"{one}.boresight", f"must be a direction, got {shown(boresight)}")
@@ -156,7 +185,7 @@ def _boresights_are_directions(values):
 @rule_over("control.law")
 def _sensors_belong_to_a_sampled_law(values):
     law = values["control.law"]
-    for table in ("sampling", *TABLES):
+    for table in ("sampling", *TABLES, OTHER_SENSORS):
         present = any(key.startswith(f"{table}.") for key in values)
         if present and not law.declaration.sampled:
             yield at(table, f'must belong to a sampled law ({sampled_laws()}), got "{law}"')
@@ -170,8 +199,8 @@ def _delay_within_a_period(period, delay):
 
 def sensor_cautions(scenario: Any) -> Iterator[Issue]:
     """Yield a caution about a single vector: turns about it are observable only as it rotates."""
-    given = [name for name in ATTITUDE if getattr(scenario, name) is not None]
-    alone = len(given) == 1 and given != ["star_tracker"]
+    given = [*attitude_tables(scenario)]
+    alone = len(given) == 1 and given != [STAR_TRACKER.name]
     orbit, duration = scenario.orbit, scenario.simulation.duration_s
     ellipse = orbit.ellipse()
     rate = math.sqrt(EARTH_GRAVITY / ellipse[0] ** 3) if ellipse else orbit.rate()
@@ -181,4 +210,4 @@ def sensor_cautions(scenario: Any) -> Iterator[Issue]:
             f"orbit, {math.pi / rate:.4g} s: before, what it measures has hardly turned, and a "
             f"turn about that is hardly observable, got a run of {shown(duration)} s"
         )
-        yield Issue((given[0],), message)
+        yield Issue(tuple(given[0].split(" ")), message)

@@ -17,6 +17,7 @@ from jaxsat.core.declaration.disturbances import AERODYNAMIC, MAGNETIC, SOLAR
 from jaxsat.core.earth import EARTH_RADIUS
 from jaxsat.spacecraft.environment.disturbances import AbstractDisturbance, DisturbanceContext
 from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, AbstractPlace, CircularOrbit
+from jaxsat.spacecraft.environment.sensed_vectors import AbstractSensedVector
 
 SOLAR_PRESSURE = 4.56e-6
 """Solar pressure on a surface that absorbs all light at 1 au, N/m²."""
@@ -82,7 +83,7 @@ class AerodynamicTorque(AbstractDisturbance):
         return jnp.cross(self.centre, force)
 
 
-class Sunlight(eqx.Module):
+class Sunlight(AbstractSensedVector):
     """Direction and shadow of sunlight along an orbit: the Sun's direction is inertially fixed.
 
     `sun` is of any length but zero. With `eclipses` the Earth has a cylindrical shadow as wide as
@@ -96,6 +97,11 @@ class Sunlight(eqx.Module):
     def __check_init__(self):
         xp, sun = numpy_if_known(self.sun)
         require_positive("sun", xp.sum(sun**2))
+
+    @classmethod
+    def from_table(cls, values: Mapping[str, Any], context: Any) -> "Sunlight":
+        """Return the sunlight of a scenario's `SensorContext`."""
+        return context.sunlight
 
     def __call__(self, t: RealScalar) -> tuple[Vector, RealScalar]:
         """Return the unit vector to the Sun, reference frame, at `t` (s), and the light, 0 or 1."""

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxsat.core.allocation import torque_directions
+from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS, OTHER_SENSORS
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.derived import believed_axes
 from jaxsat.scenario.parts.wheels import rotors
@@ -118,10 +119,10 @@ TORQUES: Mapping[str, tuple[str, ...]] = {
 NOISE: Mapping[str, tuple[str, ...]] = {
     "sampling": ("rate_noise_rad_s", "attitude_noise_rad"),
     "gyro": ("noise_density_rad_s_sqrt_Hz", "bias_walk_rad_s2_sqrt_Hz", "bias_sigma_rad_s"),
-    "star_tracker": ("across_rad", "along_rad"),
-    "magnetometer": ("noise_T",),
-    "sun_sensor": ("noise_rad",),
-    "horizon_sensor": ("noise_rad",),
+    **dict.fromkeys(
+        (*(one.name for one in ATTITUDE_SENSORS), OTHER_SENSORS),
+        ("across_rad", "along_rad", "noise_rad", "noise_T"),
+    ),
 }
 """Keys of sensor noise, by table."""
 

@@ -18,6 +18,7 @@ from jaxsat.controllability.wording import lost_words, verdict_sentence
 from jaxsat.core.allocation import torque_directions
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.laws import Law
+from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS, OTHER_SENSORS
 from jaxsat.core.declaration.tuned_gains import STEPS
 from jaxsat.core.errors import JaxsatError
 from jaxsat.core.inertia import normal_axes
@@ -217,9 +218,8 @@ VECTORS: Mapping[str, Sequence[str]] = {
     "magnetorquer": ("axis",),
     "disturbance": ("constant_N_m", "residual_dipole_A_m2", "drag_centre_m", "solar_centre_m"),
     "panel": ("normal", "centre_m"),
-    "star_tracker": ("boresight",),
-    "sun_sensor": ("boresight",),
-    "horizon_sensor": ("boresight",),
+    **{one.name: ("boresight",) for one in ATTITUDE_SENSORS},
+    OTHER_SENSORS: ("boresight",),
 }
 """Keys that hold a vector in body axes, by table."""
 
@@ -230,6 +230,7 @@ def entries(
     """Yield each table of a dumped scenario that has one of these `keys`, with the key."""
     for name, of_table in keys.items():
         tables = data.get(name, ())
+        tables = [*tables.values()] if name == OTHER_SENSORS and tables else tables
         for table in [tables] if isinstance(tables, dict) else tables:
             yield from ((table, key) for key in of_table if table.get(key) is not None)
 

@@ -110,9 +110,8 @@ def navigation_of(
         *(model, torques, RATE_SIGMA, tracker, deviations, latency, test, covariance),
         None if gyro is None else dataclasses.replace(gyro, failures=None),
     )
-    named = {one.name.replace(" ", "_"): one for one in vectors}
     return Navigation(
-        gyro, tracker, estimator, ATTITUDE_SIGMA, body=model, failures=failures, **named
+        gyro, tracker, estimator, ATTITUDE_SIGMA, body=model, failures=failures, vectors=vectors
     )
 
 

@@ -205,7 +205,7 @@ def flown(
     if probability is not None:
         test = InnovationTest(probability, patience, probation)
         estimator = dataclasses.replace(estimator, test=test)
-    navigation = Navigation(GYRO, seen_by, estimator, 0.01, (0, 0), *vectors, None, failing)
+    navigation = Navigation(GYRO, seen_by, estimator, 0.01, (0, 0), vectors, failing)
     numbers = first + jnp.arange(cases, dtype=jnp.uint32)
     keys = jnp.stack([numbers, jnp.full(cases, 7, jnp.uint32)], 1)
     return moving, *_flown(navigation, keys, jax.tree.map(jnp.asarray, moving))

@@ -1,6 +1,7 @@
 """Magnetometer and Sun sensor: what they measure, and what the filter makes of it."""
 
 import dataclasses
+import runpy
 from typing import Any
 
 import equinox as eqx
@@ -29,9 +30,11 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.environment.orbit import CircularOrbit, DipoleField, ExactOrbit
 from jaxsat.spacecraft.environment.orbital_torques import Sunlight
-from jaxsat.spacecraft.vector_sensors import FieldAlongOrbit, Nadir, Observation, VectorSensor
+from jaxsat.spacecraft.environment.sensed_vectors import FieldAlongOrbit, Nadir
+from jaxsat.spacecraft.vector_sensors import Observation, VectorSensor
 from oracle import magnetic as earth
 from oracle.attitude_filter import Oracle
+from scenario.packages import FROZEN
 
 TILT, NODE, ALONG, GREENWICH = 1.1, 0.4, 0.7, 2.0
 ORBIT = CircularOrbit(ORBIT_RATE, TILT, NODE, ALONG, GREENWICH)
@@ -137,10 +140,10 @@ def test_a_sun_sensor_sees_the_sun_in_its_field_of_view_by_day_and_when_it_works
         assert seen(sun_sensor(eclipses=True), number) == (not dark)
 
 
-def simulated(samples=25):
+def simulated(samples=25, vectors=None):
     """Rates, vectors and attitudes of a tumbling body, with errors by NumPy."""
     generator = np.random.default_rng(4)
-    moving, vectors = motion(PERIOD, samples), (magnetometer(), sun_sensor(every=3))
+    moving, vectors = motion(PERIOD, samples), vectors or (magnetometer(), sun_sensor(every=3))
     rates = moving.omega + 1e-4 + 1e-5 * generator.normal(size=(samples, 3))
     told = []
     for number in range(samples):
@@ -152,9 +155,55 @@ def simulated(samples=25):
 @pytest.mark.parametrize("latency", [2, pytest.param(0, marks=pytest.mark.slow)])
 def test_the_filter_with_vectors_is_the_one_in_scipy(latency):
     """Estimates and covariances at every sample, with an attitude now and then besides."""
-    moving, rates, told = simulated()
+    _agrees_with_scipy((magnetometer(latency=latency), sun_sensor(every=3)), latency)
+
+
+STATION = (0.5, 5.0)
+"""Latitude and longitude of a beacon, rad, which is in sight at the start of the orbit."""
+
+
+def beacon(lift=0.0, **others):
+    """The sensor of a package's own, which measures the direction to a beacon on the ground."""
+    package = runpy.run_path(str(FROZEN / "ground-beacon" / "ground_beacon" / "__init__.py"))
+    vector = package["Beacon"](ORBIT, *map(jnp.array, (*STATION, lift)))
+    return VectorSensor(vector, "north", 1e-3, **others)
+
+
+def test_a_beacon_is_where_it_is_and_hides_behind_the_horizon():
+    """Against positions in NumPy, along an orbit; what lifts it turns with the body."""
+    attitude, (north, east) = motion(PERIOD, 2).quaternion[1], STATION
+    across = np.cos(north)
+    station = 6.378137e6 * np.array([across * np.cos(east), across * np.sin(east), np.sin(north)])
+    sensor, lifted, seen = beacon(), beacon(0.2, misalignment=[0.0, 0.0, 0.01]), []
+    for t in np.arange(0.0, 6000.0, 200.0):
+        number = round(t / PERIOD)
+        position, velocity = earth.earth.place(t, ORBIT_RATE, TILT, NODE, ALONG)
+        turned = Rotation.from_euler("Z", GREENWICH + earth.earth.EARTH_ROTATION * t).apply(station)
+        line = (turned - position) / np.linalg.norm(turned - position)
+        found = observed(sensor, number, attitude)
+        expected = earth.earth.orbit_axes(position, velocity) @ line
+        np.testing.assert_allclose(found.reference, expected, atol=1e-9)
+        seen.append(turned @ line < 0)
+        assert found.seen == seen[-1]
+        noise = found.measured - body_of(attitude) @ expected
+        ideal = body_of(attitude) @ expected + [0.0, 0.0, 0.2]
+        ideal = ideal / np.linalg.norm(ideal)
+        wrong = observed(lifted, number, attitude).measured
+        turn = np.cross([0.0, 0.0, 0.01], ideal)
+        np.testing.assert_allclose(wrong, ideal - turn + noise, atol=1e-9)
+    assert 0 < seen.count(True) < len(seen)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("latency", [0, 2])
+def test_the_filter_with_a_vector_of_your_own_is_the_one_in_scipy(latency):
+    vectors = (magnetometer(), beacon(every=2, latency=latency))
+    _agrees_with_scipy(vectors, latency)
+
+
+def _agrees_with_scipy(vectors, latency):
+    moving, rates, told = simulated(vectors=vectors)
     seen_by = tracker(every=10)
-    vectors = (magnetometer(latency=latency), sun_sensor(every=3))
     estimator = filter_of(vectors, seen_by)
     start = Quaternion(moving.quaternion[0]).turned(jnp.array([0.01, -0.02, 0.005]))
     times = PERIOD * np.arange(len(rates))
@@ -245,8 +294,7 @@ def _flown(navigation, keys, moving):
 def flown(cases, vectors, samples=601, **others):
     """The motion, and estimates, beliefs and true biases of runs without a star tracker."""
     moving = motion(PERIOD, samples)
-    field, sun = vectors
-    navigation = Navigation(GYRO, None, filter_of(vectors), 0.01, (0, 0), field, sun)
+    navigation = Navigation(GYRO, None, filter_of(vectors), 0.01, (0, 0), vectors)
     navigation = dataclasses.replace(navigation, **others)
     keys = jnp.stack([jnp.arange(cases, dtype=jnp.uint32), jnp.full(cases, 7, jnp.uint32)], 1)
     return moving, *_flown(navigation, keys, jax.tree.map(jnp.asarray, moving))
@@ -265,7 +313,7 @@ def test_errors_are_as_large_as_the_filter_claims():
 def test_noise_that_is_not_declared_is_told_apart():
     noisy = sun_sensor(3 * SUN_NOISE, every=3)
     vectors = (magnetometer(), sun_sensor(every=3))
-    moving, _, belief, biases = flown(300, vectors, sun_sensor=noisy)
+    moving, _, belief, biases = flown(300, vectors, vectors=(vectors[0], noisy))
     assert not within_band(normalised_squares(moving, belief, biases, 600), 6)
 
 
@@ -284,7 +332,7 @@ class Listener(AbstractEstimator):
 def test_all_that_is_measured_at_a_sample_is_delivered_with_the_slowest():
     """A tracker without latency waits for a magnetometer with three samples of it."""
     slow = magnetometer(latency=3)
-    navigation = Navigation(GYRO, tracker(every=1), Listener(), 0.01, (0, 0), slow)
+    navigation = Navigation(GYRO, tracker(every=1), Listener(), 0.01, (0, 0), (slow,))
     moving, step, told = motion(PERIOD, 6), eqx.filter_jit(navigation.step), []
     plants = [
         PlantState(Quaternion(q), jnp.array(w))
