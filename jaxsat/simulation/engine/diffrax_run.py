@@ -3,6 +3,7 @@
 diffrax is imported on use.
 """
 
+import dataclasses
 from functools import partial
 from typing import Any, NamedTuple, cast
 
@@ -14,9 +15,9 @@ from jaxtyping import Array, Float, PyTree
 from jaxsat.core.array_types import IntScalar
 from jaxsat.core.solvers import AbstractSolver, solver_of
 from jaxsat.core.tolerances import SettlingTracker
-from jaxsat.simulation.assessment import IntegrationError, JudgedSignals, stop_gradient
+from jaxsat.simulation.assessment import JudgedSignals, stop_gradient
 from jaxsat.simulation.engine.details import details_of, effort_rates, with_details
-from jaxsat.simulation.engine.failure_record import FailureRecord, initial_record, record_of_history
+from jaxsat.simulation.engine.fixed import final_outputs, progress_at_zero, through_period
 from jaxsat.simulation.engine.monitors import margins_of_history
 from jaxsat.simulation.engine.program import Case, Program
 from jaxsat.simulation.engine.progress import (
@@ -29,14 +30,14 @@ from jaxsat.simulation.engine.progress import (
 )
 from jaxsat.simulation.engine.rates import (
     HoldSteps,
-    consumption,
     continuous_loop,
     judge_of,
     plant_state,
     running_cost,
     within_limit,
 )
-from jaxsat.simulation.held_torque import HeldTorque, Unmade
+from jaxsat.simulation.engine.stepper import nan_where
+from jaxsat.simulation.held_torque import HeldTorque
 from jaxsat.simulation.loops import AbstractContinuousLoop, Motion
 from jaxsat.simulation.methods import Adjoint, Method, step_size_for
 from jaxsat.simulation.sampled_loop import SampledLoop
@@ -161,61 +162,40 @@ def _either_mode(solver: AbstractSolver) -> AbstractSolver:
 
 def _run_sampled(program: Program, case: Case, times, solver: AbstractSolver) -> Integrated:
     """Run all periods. A state past the limit is discarded: the last good one stays."""
-    loop, zero = cast(SampledLoop, case.loop), jnp.zeros((), times.dtype)
-    progress_at_zero, none = _initial(program, case), HeldTorque.none(case.start.omega)
+    loop, begin, end = cast(SampledLoop, case.loop), times[0], times[-1]
+    plain = dataclasses.replace(program, requirements=None)  # judged by the whole history below
+    steps = partial(_equal_steps, solver, judge=judge_of(program, loop))
 
     def alone(rate, begin, length, count: int, state):
-        carry = (state, None)
-        return _equal_steps(rate, begin, length, count, carry, solver, lambda none, *_: none)[0]
+        carry, nobody = (state, None), lambda none, *_: none
+        return _equal_steps(solver, rate, begin, length, count, carry, judge=nobody)[0]
 
-    judge = judge_of(program, loop)
-    integrate = HoldSteps(program, loop, partial(_equal_steps, solver=solver, judge=judge), alone)
+    integrate = HoldSteps(program, loop, steps, alone)
+    none, count = HeldTorque.none(case.start.omega), times.size - 1
 
-    def period(running, sample):
-        (number, t), (state, carry, code) = sample, running
-        through = partial(integrate, number)
-        following, (integrals, since, held, error), signals = loop.period(
-            number, t, state, through, carry
-        )
-        kept_finite = loop.controller.judged(following.memory)
-        good = within_limit(following.plant, program.state_limit, kept_finite)
-        observation = (signals, held)
-        observation = jax.tree.map(lambda x: jnp.where(code == 0, x, jnp.nan), observation)
-        code = jnp.where(good, code, int(Outcome.STATE_LIMIT))
-        new, old = (following, (integrals, since, none, error)), (state, carry)
-        last_good = jax.tree.map(lambda x, y: jnp.where(code == 0, x, y), new, old)
-        return (*last_good, code), observation
+    def period(progress: Progress, sample):
+        (number, t), ended = sample, progress.code != int(Outcome.SUCCESS)
+        now = progress._replace(held=none)
+        after, *observation = through_period(plain, loop, integrate, number, t, now)
+        return after, nan_where(ended, tuple(observation))
 
-    tracker = SettlingTracker.initial(times[0], 3)
-    rest = SettlingTracker.initial(times[0], 1) if program.detailed else None
-    error = IntegrationError.none(case.start.omega) if program.error_every else None
-    integrals = progress_at_zero.integrals._replace(cost=zero)
-    since = judge((tracker, rest), times[0], (case.start, None))
-    carry = stop_gradient((integrals, since, none, error))
-    first = (loop.start(case.start), carry, jnp.array(int(Outcome.SUCCESS)))
-    count = times.size - 1
+    first = progress_at_zero(plain, case)
+    tracker, rest = SettlingTracker.initial(begin, 3), None
+    if program.detailed:
+        rest = SettlingTracker.initial(begin, 1)
+    first = first._replace(settled=tracker, rest=rest, held=none, ended_at=begin)
     samples = (jnp.arange(count), times[:-1])
-    (state, carry, code), (signals, holds) = jax.lax.scan(period, first, samples)
-    integrals, (tracker, rest), _, error = carry
-    last = loop.signals(jnp.array(count), times[-1], state)
-    last = jax.tree.map(lambda x: jnp.where(code == 0, x, jnp.nan), last)
+    progress, (signals, holds) = jax.lax.scan(period, first, samples)
+    last = loop.signals(jnp.array(count), end, progress.state)
+    last = nan_where(progress.code != int(Outcome.SUCCESS), last)
     signals = jax.tree.map(lambda x, y: jnp.concatenate([x, y[None]]), signals, last)
-    progress = progress_at_zero._replace(
-        state=state,
-        integrals=integrals,
-        settled=tracker,
-        rest=rest,
-        error=error,
-        code=code,
-        steps=jnp.array(count * loop.substeps),
-        failures=_failures(program, case, times, signals),
-        unmade=_unmade_torque(loop, signals),
-    )
-    return Integrated(_outputs(program, case, progress, times, signals), signals, holds)
+    outputs = final_outputs(plain, case, progress, end, jnp.array(count * loop.substeps), begin)
+    margins = margins_of_history(program.requirements, loop, times, signals)
+    return Integrated(outputs._replace(requirements=margins), signals, holds)
 
 
-def _equal_steps(rate, begin, length, count: int, carry, solver, judge):
-    """The state after equal steps of diffrax, and trackers, judged at the end of each."""
+def _equal_steps(solver, rate, begin, length, count: int, carry, *, judge):
+    """The state after equal steps of diffrax, and trackers, judged at the begin of each."""
     import diffrax
 
     term, step = diffrax.ODETerm(lambda t, state, args: rate(t, state)), length / count
@@ -224,9 +204,9 @@ def _equal_steps(rate, begin, length, count: int, carry, solver, judge):
         before, inner, since = carry
         t = begin + number * step
         after, _, _, inner, _ = solver.step(term, t, t + step, before, None, inner, made_jump=False)
-        return after, inner, judge(since, t + step, after)
+        return after, inner, judge(since, t, before)
 
-    (state, since) = carry
+    state, since = carry
     first = (state, solver.init(term, begin, begin + step, state, None), since)
     after, _, since = jax.lax.fori_loop(0, count, one, first)
     return after, since
@@ -254,23 +234,15 @@ def _outputs(program: Program, case: Case, progress: Progress, times, signals) -
     )
     begin, dwell = times[0], program.tolerances.dwell
     details = details_of(progress, case.loop, progress.state, end, progress.steps, dwell, begin)
-    usage, cost = consumption(case.loop, progress.state), program.running_cost
     outputs = outputs_of(
-        progress, plant, end, case.drawn, cost, usage, program.interval, details, dwell, begin
+        progress,
+        plant,
+        end,
+        case.drawn,
+        program.running_cost,
+        details=details,
+        dwell=dwell,
+        begin=begin,
     )
     margins = margins_of_history(program.requirements, case.loop, times, signals)
     return outputs._replace(requirements=margins)
-
-
-def _unmade_torque(loop: SampledLoop, signals: Signals) -> Unmade | None:
-    if not loop.tells_unmade or signals.torque_unmade is None:
-        return None
-    history = (signals.torque[:-1], signals.torque_unmade[:-1])
-    none = Unmade.none(signals.torque)
-    return jax.lax.scan(lambda one, now: (one.with_sample(*now), None), none, history)[0]
-
-
-def _failures(program: Program, case: Case, times, signals: Signals) -> FailureRecord | None:
-    samples = jax.tree.map(lambda x: x[:-1], signals)
-    begin = initial_record(case.loop, case.loop.start(case.start))
-    return record_of_history(begin, times[:-1], samples, program.tolerances)

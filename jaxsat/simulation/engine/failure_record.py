@@ -2,7 +2,6 @@
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
@@ -101,19 +100,3 @@ def initial_record(loop: AbstractLoop, state: PyTree) -> FailureRecord | None:
     kind, never = telemetry["diagnosed_kind"], jnp.inf
     diagnosis = DiagnosisRecord(at * 0 + never, kind * 0 + never, kind, none > 0, none)
     return FailureRecord(at, none, none, diagnosis)
-
-
-def record_of_history(
-    record: FailureRecord | None,
-    times: Float[Array, " times"],
-    signals: Signals,
-    tolerances: Tolerances,
-) -> FailureRecord | None:
-    """The record after a whole history, which is NaN after the end of the run."""
-    if record is None:
-        return None
-
-    def one(record, sample):
-        return record.observe(*sample, tolerances), None
-
-    return jax.lax.scan(one, record, (times, signals))[0]

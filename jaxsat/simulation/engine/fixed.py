@@ -1,13 +1,14 @@
 """Fixed steps, interval by interval: through a continuous loop, and between samples."""
 
 import dataclasses
+from collections.abc import Callable
 from functools import partial
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxsat.core.array_types import BoolScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar
 from jaxsat.core.checks import require_counts
 from jaxsat.core.solvers import NamedSolver, Solver, class_name
 from jaxsat.core.trees import halved, restored
@@ -44,7 +45,7 @@ from jaxsat.simulation.engine.stepper import AbstractStepper, nan_where
 from jaxsat.simulation.held_torque import HeldTorque, Unmade, averaged, summed
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
-from jaxsat.simulation.trajectory import Outcome
+from jaxsat.simulation.trajectory import Outcome, Signals
 from jaxsat.spacecraft.sensors import Sensors
 
 NOISE_BLOCK = 16
@@ -68,7 +69,7 @@ class FixedStepper(AbstractStepper):
 
     def begin(self, program, case):
         """The progress at time zero."""
-        return _initial(program, case)
+        return progress_at_zero(program, case)
 
     def advance(self, program, case, progress, first, count, axis_name=None):
         """The progress after `count` intervals."""
@@ -97,7 +98,8 @@ class FixedStepper(AbstractStepper):
 
     def finish(self, program, case, progress, number):
         """Outputs at the end."""
-        return _final_outputs(program, case, progress, number, self.substeps)
+        end, steps = program.time_of(number), number * self.substeps
+        return final_outputs(program, case, progress, end, steps)
 
     def signals(self, program, case, progress, number):
         """The loop's signals at instant `number`."""
@@ -118,7 +120,7 @@ class SampledStepper(AbstractStepper):
 
     def begin(self, program, case):
         """The progress at time zero."""
-        progress, loop = _initial(program, case), _sampled_loop(case)
+        progress, loop = progress_at_zero(program, case), _sampled_loop(case)
         progress = progress._replace(held=HeldTorque.none(progress.state.plant.omega))
         if not program.detailed:
             return progress
@@ -169,23 +171,9 @@ class SampledStepper(AbstractStepper):
         def period(i, progress):
             progress, number = restored(progress), first + i
             progress, seen = progress._replace(seen=None), progress.seen
-            t = program.time_of(number)
-            since = (progress.settled, progress.rest)
-            carry = (progress.integrals, since, progress.held, progress.error)
-            through = partial(integrate, number)
-            state, carry, signals = loop.period(number, t, progress.state, through, carry)
-            candidate = with_peaks(progress, signals.omega, signals.parts)
-            candidate = monitored(program, loop, candidate, t, progress.state)
-            if progress.unmade is not None:
-                unmade = progress.unmade.with_sample(signals.torque, signals.torque_unmade)
-                candidate = candidate._replace(unmade=unmade)
-            if progress.failures is not None:
-                failures = progress.failures.observe(t, signals, program.tolerances)
-                candidate = candidate._replace(failures=failures)
-            checked = (state.plant, loop.controller.judged(state.memory))
-            wanted = None if seen is None else number < sampled[1]
-            after = _unless_ended(
-                program, progress, candidate, state, halved(checked), carry, t, wanted
+            t, wanted = program.time_of(number), None if seen is None else number < sampled[1]
+            after, signals, _ = through_period(
+                program, loop, integrate, number, t, progress, wanted
             )
             if seen is not None:
                 ended = progress.code != int(Outcome.SUCCESS)
@@ -197,7 +185,8 @@ class SampledStepper(AbstractStepper):
 
     def finish(self, program, case, progress, number):
         """Outputs at the last sample."""
-        return _final_outputs(program, case, progress, number, _sampled_loop(case).substeps)
+        end, steps = program.time_of(number), number * _sampled_loop(case).substeps
+        return final_outputs(program, case, progress, end, steps)
 
     def signals(self, program, case, progress, number):
         """Signals of sample `number`, and the range of the torque since the last observation."""
@@ -207,12 +196,45 @@ class SampledStepper(AbstractStepper):
         return dataclasses.replace(signals, torque_range=progress.held.range())
 
 
+def through_period(
+    program: Program,
+    loop: SampledLoop,
+    integrate: Callable,
+    number: IntScalar,
+    t: RealScalar,
+    progress: Progress,
+    wanted: BoolScalar | None = None,
+) -> tuple[Progress, Signals, HeldTorque]:
+    """The progress after the period of sample `number` at time `t` (s), or the last good one, and
+    the sample's signals and the torques so far.
+
+    `integrate` is as of `HoldSteps`; for `wanted` see `_unless_ended`.
+    """
+    since = (progress.settled, progress.rest)
+    carry = (progress.integrals, since, progress.held, progress.error)
+    through = partial(integrate, number)
+    state, carry, signals = loop.period(number, t, progress.state, through, carry)
+    candidate = with_peaks(progress, signals.omega, signals.parts)
+    candidate = monitored(program, loop, candidate, t, progress.state)
+    if progress.unmade is not None:
+        assert signals.torque_unmade is not None
+        unmade = progress.unmade.with_sample(signals.torque, signals.torque_unmade)
+        candidate = candidate._replace(unmade=unmade)
+    if progress.failures is not None:
+        failures = progress.failures.observe(t, signals, program.tolerances)
+        candidate = candidate._replace(failures=failures)
+    checked = halved((state.plant, loop.controller.judged(state.memory)))
+    after = _unless_ended(program, progress, candidate, state, checked, carry, t, wanted)
+    return after, signals, carry[2]
+
+
 def stepper_for(stepper: AbstractStepper, loop: AbstractLoop) -> AbstractStepper:
     """The stepper itself; for a sampled loop, which defines its own steps, one with its solver."""
     return SampledStepper(stepper.solver) if isinstance(loop, SampledLoop) else stepper
 
 
-def _initial(program: Program, case: Case) -> Progress:
+def progress_at_zero(program: Program, case: Case) -> Progress:
+    """The progress of equal steps before the first."""
     state = case.loop.start(case.start)
     begin = initial_progress(
         state, case.loop.plant, plant_state(case.loop, 0.0, state), case.possible
@@ -277,8 +299,15 @@ def _unless_ended(
     return jax.tree.map(lambda new, old: jnp.where(running & good, new, old), after, last_good)
 
 
-def _final_outputs(program: Program, case: Case, progress: Progress, number, steps: int) -> Outputs:
-    end = program.time_of(number)
+def final_outputs(
+    program: Program,
+    case: Case,
+    progress: Progress,
+    end: RealScalar,
+    steps: IntScalar,
+    begin: float | RealScalar = 0.0,
+) -> Outputs:
+    """Outputs of a trajectory from `begin` to `end` (s) in equal steps, so many in all."""
     plant = plant_state(case.loop, end, progress.state)
     observation = JudgedSignals.of(case.loop.plant, plant)
     since = (progress.settled, progress.rest)
@@ -290,7 +319,7 @@ def _final_outputs(program: Program, case: Case, progress: Progress, number, ste
     progress = monitored(program, case.loop, progress, end, progress.state, success)
     usage = consumption(case.loop, progress.state)
     dwell = program.tolerances.dwell
-    details = details_of(progress, case.loop, progress.state, end, number * steps, dwell)
+    details = details_of(progress, case.loop, progress.state, end, steps, dwell, begin)
     outputs = outputs_of(
         progress,
         plant,
@@ -301,5 +330,6 @@ def _final_outputs(program: Program, case: Case, progress: Progress, number, ste
         program.interval,
         details,
         dwell,
+        begin,
     )
     return outputs._replace(requirements=margins_of(program, case.loop, progress))
