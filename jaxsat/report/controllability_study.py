@@ -39,6 +39,7 @@ from jaxsat.report.controllability_document import (
 from jaxsat.report.document import Document
 from jaxsat.report.printers import markdown_page
 from jaxsat.report.saving import save_figures
+from jaxsat.report.stuck_rods import stuck_rod_words
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.actuator_set import all_actuators, all_rods, judge_scenario
 from jaxsat.scenario.build.actuators import magnetic_context
@@ -146,7 +147,8 @@ def controllability_study(
         judgement, analysis, torque=torque, stopped=stopped, magnetorquers=bool(places)
     )
     stuck = stuck_on_words(scenario.spacecraft.inertia_kg_m2, judgement.actuators)
-    lines += [] if stuck is None else [stuck]
+    of_rods = stuck_rod_words(scenario, judgement)
+    lines += [one for one in (stuck, of_rods) if one is not None]
     balance, gyros = undriven_balance(scenario), _gyro_cluster(scenario)
     lines += [] if balance is None else [" ".join(balance.lines())]
     holding = held_with_momentum(scenario, judgement)

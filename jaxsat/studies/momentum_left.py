@@ -26,6 +26,9 @@ from jaxsat.studies.quantities import QUANTITIES
 INSTANTS = 97
 """Number of instants from the last failure to the end at which torques are evaluated."""
 
+AN_ORBIT = 32
+"""Least number of these instants in an orbit."""
+
 SLOW = 0.25
 """Largest rotation of a held body over the required time, relative to the tolerance."""
 
@@ -114,18 +117,40 @@ class Held:
         The body is assumed at the target from the last failure on, or at an attitude within the
         tolerances that opposes the mean torque about the normal.
         """
-        inertia, momentum, _ = self._starts.of(case)
-        failed = min(max(failed, 0.0), self.duration)
-        times = np.linspace(failed, self.duration, INSTANTS)
-        frame = np.array([0.0, -self._rate, 0.0])
-        path = np.tile(_turned(momentum, -frame * failed) - inertia @ frame, (INSTANTS, 1))
+        times = self.times(failed)
         if self.free:
-            return times, path
-        torque, step = self._balanced(inertia, normal, times), times[1] - times[0]
-        for number in range(1, INSTANTS):
+            return times, self._path(case, times, np.zeros((len(times), 3)))
+        inertia = self._starts.of(case).inertia
+        return times, self._path(case, times, self._balanced(inertia, normal, times))
+
+    def times(self, failed: float) -> Float[np.ndarray, " k"]:
+        """Times (s) from a failure to the end."""
+        failed = min(max(failed, 0.0), self.duration)
+        orbits = self.duration * abs(self._rate) / (2 * np.pi)
+        return np.linspace(failed, self.duration, max(INSTANTS, int(AN_ORBIT * orbits)))
+
+    def under(
+        self, case: int, times: Float[np.ndarray, " k"], torque: Float[np.ndarray, "k 3"]
+    ) -> tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "3 3"]]:
+        """E (N m s) of a body at the target under one more `torque` (N m), and how a constant
+        vector turns in a step, in axes of the target."""
+        inertia = self._starts.of(case).inertia
+        torque = torque + self._torques(inertia, times, np.eye(3)[None])[0]
+        frame = np.array([0.0, -self._rate, 0.0]) * (times[1] - times[0])
+        turn = np.stack([_turned(axis, -frame) for axis in np.eye(3)], axis=1)
+        return self._path(case, times, torque), turn
+
+    def _path(
+        self, case: int, times: Float[np.ndarray, " k"], torque: Float[np.ndarray, "k 3"]
+    ) -> Float[np.ndarray, "k 3"]:
+        """E (N m s) under a torque m (N m)."""
+        inertia, momentum, _ = self._starts.of(case)
+        frame, step = np.array([0.0, -self._rate, 0.0]), times[1] - times[0]
+        path = np.tile(_turned(momentum, -frame * times[0]) - inertia @ frame, (len(times), 1))
+        for number in range(1, len(times)):
             before = path[number - 1] + step / 2 * torque[number - 1]
             path[number] = _turned(before, -frame * step) + step / 2 * torque[number]
-        return times, path
+        return path
 
     @property
     def angle(self) -> float:

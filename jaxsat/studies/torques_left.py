@@ -23,7 +23,9 @@ from jaxsat.spacecraft.effector import AbstractEffector, Reach, Storage
 from jaxsat.studies.failure_codes import NEVER, first_code
 from jaxsat.studies.momentum_left import Held
 from jaxsat.studies.rods_left import (
+    LEAST_HOLD,
     RodsLeft,
+    ThrustersLeft,
     law_uses_rods,
     rod_set,
     sampled_law,
@@ -44,7 +46,7 @@ class TorquesLeft(ExplainedCode):
     TOO_FEW = 4, "too few torques are left: not controllable"
     UNOPPOSED_TORQUE = 5, "nothing opposes the torque of a failed actuator with a margin"
     NOT_DECIDED = 6, "controllability of the remaining actuators is not decided"
-    UNHELD_MOMENTUM = 7, "the others cannot hold the momentum of a runaway wheel"
+    UNHELD_MOMENTUM = 7, "wheels cannot hold the momentum of a runaway or of a stuck magnetorquer"
     MAGNETIC = 8, "magnetorquers control all axes over an orbit"
     UNHELD_ATTITUDE = 9, "two wheels cannot hold the target against torque and momentum"
 
@@ -73,9 +75,6 @@ UNRECOVERABLE = (
 
 LEAST_TORQUE = 0.1
 """Smallest share of the healthy torque with which a wheel or gyro is not treated as lost."""
-
-LEAST_HOLD = 0.02
-"""Smallest momentum reserve beside a runaway wheel, relative to the largest wheel capacity."""
 
 
 class _Reaches(NamedTuple):
@@ -154,36 +153,59 @@ def torques_left(
     levels = [_levels(none), *(_levels(each) for one, each in parts if one.even)]
     torques, low, high = (np.concatenate(each, axis=-1) for each in zip(*levels, strict=True))
     exchangers = [each for one in parts if (each := _Exchanger.of(loop, *one)) is not None]
-    none = np.zeros((len(low), 0))
-    rods = RodsLeft(None, none.astype(bool), none)
-    for one, reach in parts:
-        if (dipoles := one.dipoles()) is not None:
-            stuck = np.where(reach.low == reach.high, reach.high, 0.0)
-            rods = RodsLeft(rod_set(loop, dipoles), reach.healthy, stuck)
+    rods = _rods_left(loop, parts, failures)
     tolerance = np.inf if hold is None else hold.angle
     codes_by_key: dict[bytes, tuple[int, np.ndarray | None]] = {}
     codes = np.zeros(len(low), int)
     for case in range(len(low)):
         steady = bool(np.any((low[case] > 0) | (high[case] < 0)))
         strength = 1.0 if gain is None or not steady else 1 + gain[case]
-        one = (strength * torques[case], low[case], high[case])
-        least = SAME_TORQUE * np.abs(one[0]).max(initial=0.0)
+        one = ThrustersLeft(strength * torques[case], low[case], high[case])
+        least = SAME_TORQUE * np.abs(one.torques).max(initial=0.0)
         if torque_reserve(*one) > least > 0:
             continue
         here = [each.case(case) for each in exchangers]
         parts, magnetic = [part for each in here for part in each[1:]], rods.case(case)
-        key = b"".join(part.tobytes() for part in (*one, *parts, *magnetic[1:]))
+        key = b"".join(part.tobytes() for part in (*one, *parts, magnetic.healthy, magnetic.stuck))
         if key not in codes_by_key:
             held = all(_holds_momentum(loop, each) for each in here)
-            verdict = _judge(loop, momentum, *one, here, magnetic, tolerance)
+            verdict = _judge(loop, momentum, one, here, magnetic, tolerance)
             codes_by_key[key] = verdict if held else (int(TorquesLeft.UNHELD_MOMENTUM), None)
         code, normal = codes_by_key[key]
         if normal is not None and hold is not None:
             struck = failures["failure_kind"][case] != NEVER
             last = failures["failure_time"][case][struck].max(initial=0.0)
             code = _by_two_wheels(hold, case, normal, last)
+        if code == TorquesLeft.THREE_AXES and hold is not None:
+            load = magnetic.load(*_wheels(here), one, hold, case)
+            code = TorquesLeft.UNHELD_MOMENTUM if load > 1 - LEAST_HOLD else code
         codes[case] = code
     return codes
+
+
+def _rods_left(
+    loop: AbstractLoop,
+    parts: list[tuple[AbstractEffector, _Reaches]],
+    failures: Mapping[str, np.ndarray],
+) -> RodsLeft:
+    """Magnetorquers in every case, by the reach of all effectors and the failures."""
+    before, none = 0, np.zeros((len(failures["failure_kind"]), 0))
+    for one, reach in parts:
+        if (dipoles := one.dipoles()) is not None:
+            hit = failures["failed_part"][:, None] == before + np.arange(one.count)[:, None]
+            hit &= (failures["failure_kind"] != NEVER)[:, None]
+            since = np.where(hit, failures["failure_time"][:, None], np.inf).min(axis=2)
+            stuck = np.where(reach.low == reach.high, reach.high, 0.0)
+            return RodsLeft(rod_set(loop, dipoles), reach.healthy, stuck, reach.high, since)
+        before += one.count
+    return RodsLeft(None, none.astype(bool), none, none, none)
+
+
+def _wheels(here: list[_Exchanger]) -> tuple[Float[np.ndarray, "3 m"], Float[np.ndarray, " m"]]:
+    """Axes and capacities (N m s) of the healthy wheels of one case."""
+    axes = [np.zeros((3, 0)), *(one.columns[:, one.healthy] for one in here)]
+    limits = [np.zeros(0), *(one.storage.capacity[one.healthy] for one in here)]
+    return np.concatenate(axes, axis=1), np.concatenate(limits)
 
 
 def _by_two_wheels(hold: Held, case: int, normal: np.ndarray, last: float) -> int:
@@ -283,17 +305,14 @@ def _turns_runaways(loop: AbstractLoop, here: list[_Exchanger]) -> bool:
     most = [one.storage.capacity for one in here]
     runaway = [one.columns * limit for one, limit in zip(here, most, strict=True)]
     lost = [columns[:, one.runaway] for one, columns in zip(here, runaway, strict=True)]
-    limits = [limit[one.healthy] for one, limit in zip(here, most, strict=True)]
-    least = float(np.concatenate([np.array([np.inf]), *limits]).min())
+    least = float(_wheels(here)[1].min(initial=np.inf))
     return wheels_hold_turned(loop, np.concatenate([np.zeros((3, 0)), *lost], axis=1), least)
 
 
 def _judge(
     loop: AbstractLoop,
     momentum: np.ndarray,
-    torques: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
+    thrusters: ThrustersLeft,
     here: list[_Exchanger],
     magnetic: RodsLeft,
     tolerance: float,
@@ -303,15 +322,13 @@ def _judge(
     `tolerance` (rad) is that of the attitude.
     """
     inertia = np.asarray(loop.plant.spacecraft.inertia)
-    axes = np.concatenate(
-        [np.zeros((3, 0)), *(one.columns[:, one.healthy] for one in here)], axis=1
-    )
+    axes, capacity = _wheels(here)
     rotors = np.concatenate([np.zeros(0), *(one.storage.rotors[one.healthy] for one in here)])
     turns = float(np.asarray(loop.plant.orbit.rate)) != 0
     actuators = actuator_set(
-        torques, wheel_axes=axes, momentum=momentum, rotors=rotors, target_turns=turns
+        thrusters.torques, wheel_axes=axes, momentum=momentum, rotors=rotors, target_turns=turns
     )
-    judgement = judge_ranges(inertia, actuators, low, high)
+    judgement = judge_ranges(inertia, actuators, thrusters.low, thrusters.high)
     if judgement is not None and judgement.laws == "three torques":
         return _LEFT[judgement.laws], None
     if any(one.columns_change and one.dipoles() is None for one in loop.plant.effectors):
@@ -323,10 +340,8 @@ def _judge(
         judgement = judge_with_rods(judgement, rods, np.flatnonzero(left).tolist(), TOLERANCE)
     if judgement.without_rods is not None and not law_uses_rods(loop, axes, left):
         judgement = judgement.without_rods
-    if judgement.laws == "magnetic":
-        limits = [one.storage.capacity[one.healthy] for one in here]
-        if not magnetic.opposes(judgement, np.concatenate([np.zeros(0), *limits]), tolerance):
-            return TorquesLeft.UNOPPOSED_TORQUE, None
+    if judgement.laws == "magnetic" and magnetic.opposed(judgement, capacity, tolerance) < 1:
+        return TorquesLeft.UNOPPOSED_TORQUE, None
     if judgement.laws == "magnetic" and judgement.verdict == "controllable":
         held = _turns_runaways(loop, here)
         return _LEFT[judgement.laws] if held else TorquesLeft.UNHELD_MOMENTUM, None

@@ -1,0 +1,101 @@
+"""What a magnetorquer stuck at its limit leaves, in words."""
+
+from typing import final
+
+import numpy as np
+
+from jaxsat.controllability.judgement import Judgement
+from jaxsat.controllability.layout import TOLERANCE
+from jaxsat.controllability.rods import RodSet, judge_with_rods
+from jaxsat.controllability.torque_ranges import torque_reserve
+from jaxsat.core.text import number_text
+from jaxsat.scenario import Scenario
+from jaxsat.scenario.build.actuator_set import all_rods
+from jaxsat.scenario.build.plant import build_plant
+from jaxsat.scenario.build.run import build_start
+from jaxsat.scenario.build.study import tolerances_of
+from jaxsat.simulation.loops import AbstractLoop
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.studies.momentum_left import Held
+from jaxsat.studies.rods_left import LEAST_HOLD, RodsLeft, ThrustersLeft
+
+
+@final
+class _Uncommanded(AbstractLoop):
+    """A plant without a law."""
+
+    plant: RigidBody
+
+    def start(self, state: PlantState) -> PlantState:
+        """The plant's state with its effectors at rest."""
+        return self.plant.complete(state)
+
+
+def stuck_rod_words(scenario: Scenario, judgement: Judgement) -> str | None:
+    """Return which magnetorquers the others oppose while one is stuck at its limit, by the
+    `judgement` of all that work.
+
+    With wheels about three axes these hold its momentum until the end of the scenario, as a study
+    judges; else the others oppose it over an orbit. None where neither applies.
+    """
+    rods, places = all_rods(scenario)
+    if rods is None or not places:
+        return None
+    plant = build_plant(scenario)
+    start = build_start(scenario, plant.effectors)
+    hold = Held(
+        _Uncommanded(plant), start, scenario.simulation.duration_s, tolerances_of(scenario), {}
+    )
+    if judgement.laws == "three torques":
+        words = _filling(scenario, judgement, rods, places, hold)
+    elif judgement.laws == "magnetic":
+        words = _opposing(scenario, judgement, rods, places, hold.angle)
+    else:
+        words = None
+    return None if words is None else f"One magnetorquer stuck at its limit: {words}"
+
+
+def _capacity(scenario: Scenario) -> np.ndarray:
+    limits = [one.momentum_limit_N_m_s for one in scenario.wheel if not one.failed]
+    return np.array([np.inf if limit is None else limit for limit in limits], float)
+
+
+def _left(rods: RodSet, places: list[int], stuck: int, sign: float) -> RodsLeft:
+    """With one that is stuck from the start."""
+    count = np.arange(len(rods.names))
+    fails = count == stuck
+    dipoles, since = np.where(fails, sign * rods.limits, 0.0), np.where(fails, 0.0, np.inf)
+    return RodsLeft(rods, np.isin(count, places) & ~fails, dipoles, rods.limits, since)
+
+
+def _filling(
+    scenario: Scenario, judgement: Judgement, rods: RodSet, places: list[int], hold: Held
+) -> str | None:
+    found = judgement.actuators
+    low = np.where(found.two_sided, -1.0, 0.0)
+    beside = ThrustersLeft(found.torques, low, np.ones_like(low))
+    if not found.wheels or (low.size and torque_reserve(*beside) > 0):
+        return None
+    axes = found.wheel_axes / np.linalg.norm(found.wheel_axes, axis=0)
+    capacity = _capacity(scenario)
+    loads = {}
+    for place in places:
+        each = [_left(rods, places, place, sign) for sign in (1.0, -1.0)]
+        loads[rods.names[place]] = max(one.load(axes, capacity, beside, hold) for one in each)
+    lost = [name for name, load in loads.items() if load > 1 - LEAST_HOLD]
+    words = f"wheels hold {len(loads) - len(lost)} of {len(loads)} for {hold.duration:g} s"
+    return words + (f"; {', '.join(lost)} would fill them" if lost else "")
+
+
+def _opposing(
+    scenario: Scenario, judgement: Judgement, rods: RodSet, places: list[int], tolerance: float
+) -> str:
+    without, parts = judgement.without_rods or judgement, []
+    for place in places:
+        stuck = _left(rods, places, place, 1.0)
+        later = judge_with_rods(without, rods, np.flatnonzero(stuck.healthy).tolist(), TOLERANCE)
+        held = later.laws == "magnetic"
+        most = stuck.opposed(later, _capacity(scenario), tolerance) if held else 0.0
+        level = number_text(100 * min(most, 1.0), 2, scale=100.0)
+        parts.append(f"{rods.names[place]} up to {level} %")
+    return f"over an orbit the others oppose {', '.join(parts)} of it"
