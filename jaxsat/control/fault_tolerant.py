@@ -294,9 +294,7 @@ class FaultTolerant(AbstractSampledController):
         excess = jnp.where(hurries, whole, excess)
         relief = self.rods.relief(sample, axis, excess, coasting, hurries)
         known = self.rods.known_dipole(before)
-        opposing = self.rods.opposing(field, known)
-        rest = torque - jnp.cross(known + self.rods.steering.axes @ opposing, field)
-        dipoles = opposing + self.rods.besides(opposing).beside_wheels(field, relief, rest, axis)
+        dipoles = self.rods.beside_wheels(field, relief, torque, axis, known)
         if flight is not None:
             dipoles = jnp.where(flight.acts, flight.dipoles, dipoles)
         commands, made, after = self.rods.act(field, dipoles, self.period, before)

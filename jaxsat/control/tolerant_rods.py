@@ -193,16 +193,6 @@ class TolerantRods(eqx.Module):
         dipole, sigma = found
         return believed(jnp.sum((dipole / sigma) ** 2)) * dipole
 
-    def opposing(self, field: Vector, dipole: Vector) -> Float[Array, " k"]:
-        """Return dipoles (A m²) that oppose the torque of a `dipole` (A m²) in a field (T)."""
-        return self.steering.shortened(-self.steering.turned(field, dipole))
-
-    def besides(self, dipoles: Float[Array, " k"]) -> "TolerantRods":
-        """Return a copy with the limits that these dipoles (A m²) leave."""
-        left = jnp.maximum(self.steering.dipole_limit - jnp.abs(dipoles), SMALLEST)
-        steering = dataclasses.replace(self.steering, dipole_limit=left)
-        return dataclasses.replace(self, steering=steering)
-
     @property
     def bias(self) -> Vector:
         """The momentum (N m s, body axes) that wheels shall keep."""
@@ -296,26 +286,33 @@ class TolerantRods(eqx.Module):
         return jnp.where(holds | hurries, turned, 0.0) - rate * excess
 
     def beside_wheels(
-        self,
-        field: Vector,
-        relief: Vector,
-        torque: Vector,
-        axis: Vector,
+        self, field: Vector, relief: Vector, torque: Vector, axis: Vector, known: Vector
     ) -> Float[Array, " k"]:
-        """Return dipoles (A m²) that make the part of a `torque` (N m) about an `axis`, and with
-        what is left of them the `relief` (N m) of wheels, in a field (T).
+        """Return dipoles (A m²) that oppose a `known` dipole of the body, make what is left of a
+        `torque` (N m) about an `axis`, and then the `relief` (N m) of wheels, in a field (T).
 
-        The axis is zero where other actuators make all torques.
+        The axis is zero where other actuators make all torques. These hold for a while what is not
+        opposed. So where the known dipole is beyond the limits, its torque is only added to the
+        relief: opposed before all else, it would leave nothing to take momentum out.
         """
-        steering, reach = self.steering, self.steering.reach(field)
+        limit, none = self.steering.dipole_limit, jnp.all(axis == 0)
+        opposing = -self.steering.turned(field, known)
+        joint = none & jnp.any(jnp.abs(opposing) > limit)
+        opposing = jnp.where(joint, 0.0, self.steering.shortened(opposing))
+        torque = torque - jnp.cross(known + self.steering.axes @ opposing, field)
+        rest = jnp.maximum(limit - jnp.abs(opposing), SMALLEST)
+        steering = dataclasses.replace(self.steering, dipole_limit=rest)
+        reach = steering.reach(field)
         turning = steering.shares @ jnp.cross(field, axis)
         each = reach.columns.T @ axis  # torque of each about n, of a dipole of 1
         square = jnp.maximum(jnp.sum(each * turning), SHALLOW**2 * jnp.sum(field**2))
         holding = steering.shortened(turning * jnp.sum(axis * torque) / square)
         unloading = steering.shares @ jnp.cross(field, relief) / jnp.sum(field**2)
         unloading = unloading - turning * jnp.sum(each * unloading) / square
+        whole = steering.unlimited(field, relief - jnp.cross(known, field))
+        unloading = jnp.where(joint, whole, unloading)
         left = reach._replace(low=reach.low - holding, high=reach.high - holding)
-        return holding + allocate(left, reach.columns @ unloading).use
+        return opposing + holding + allocate(left, reach.columns @ unloading).use
 
     def act(
         self, field: Vector, dipoles: Float[Array, " k"], period: RealScalar, before: RodMemory

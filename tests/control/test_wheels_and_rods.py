@@ -316,6 +316,30 @@ def test_a_known_dipole_of_the_body_is_opposed_beside_wheels(cubesat, lost, part
     np.testing.assert_array_equal(none, 0)
 
 
+def test_a_dipole_beyond_the_limits_is_reduced_with_what_takes_momentum_out(cubesat):
+    """Along y, where nothing works: x and z make a part of what opposes it and unloads wheels."""
+    q = np.array([0.999, 0.01, -0.02, 0.015])
+    attitude, stored = Quaternion(jnp.array(q / np.linalg.norm(q))), np.array([2e-3, -3e-3, 1e-3])
+    momenta = WheelMomenta(jnp.array(stored))
+    state = PlantState(attitude, jnp.array([1e-4, -1e-3, 2e-4]), (momenta, None))
+    memory, field = cubesat.init(state), cubesat.rods.steering.field
+    body, part = np.array([0.0, 0.6, 0.0]), jnp.array([1.0, 0.0, 1.0])
+
+    def flown(dipole):
+        return _beside_wheels(cubesat, memory, state, part, jnp.asarray(dipole), jnp.array(1e-8))
+
+    (own, *_), (command, *_) = flown(0 * body), flown(body)
+    b, rods = np.asarray(field.in_body(jnp.array(0.0), attitude)), np.asarray(command[3:])
+    assert np.abs(rods).max() == pytest.approx(0.2, rel=1e-9)
+    assert rods[1] == 0
+    wanted = np.cross(b, np.cross(-stored / 300 - np.cross(body, b), b)) / (b @ b)
+    made = np.cross(rods, b)
+    assert 0.1 < made @ wanted / (wanted @ wanted) < 0.9
+    np.testing.assert_allclose(np.cross(made, wanted), 0, atol=0.01 * np.linalg.norm(wanted) ** 2)
+    torque = np.asarray(command - own)[:3] + np.cross(rods - np.asarray(own[3:]) + body, b)
+    np.testing.assert_allclose(torque, 0, atol=1e-6 * np.linalg.norm(wanted))
+
+
 def feedback(c, omega, inertia, rate, frequency, most):
     """The acceleration of quaternion feedback with critical damping, rad/s²."""
     frame = c @ [0, -rate, 0]
