@@ -1,6 +1,6 @@
 """Flights that judge a requirement, batch by batch, in a folder by which the same call resumes."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -50,16 +50,13 @@ def space_of(study: Study) -> Space:
 
 @dataclass
 class Flights:
-    """Flights of the cases of a study, with the outcome of the requirement of that name.
-
-    `tell` is called with the number of flights so far.
-    """
+    """Flights of the cases of a study, with the outcome of the requirement of that name."""
 
     study: Study
     requirement: str
     folder: ResumableFolder
     executor: AbstractExecutor | None
-    tell: Callable[[int], None]
+    listener: Listener
     batches: list[Batch] = field(default_factory=list)
     count: int = 0
 
@@ -76,7 +73,7 @@ class Flights:
             raise OutputError(f"{self.folder.path} holds other flights; give another folder.")
         self.batches.append(batch)
         self.count += len(points)
-        self.tell(self.count)
+        self.listener.progress(f"{self.requirement}: {self.count:,} flights", None)
         return np.where(np.isnan(batch["margin"]), -np.inf, batch["margin"])
 
     def together(self) -> Batch:

@@ -74,8 +74,7 @@ def rare_event(
     identity |= {"requirement": table.id, "settings": vars(settings)}
     with folder_of_call(out, KIND, identity, execution.elsewhere) as folder:
         folder.write(SCENARIO, dump(scenario))
-        tell = lambda count: listener.progress(f"{table.id}: {count:,} flights", None)  # noqa: E731
-        flights = Flights(study, table.id, folder, execution.executor, tell)
+        flights = Flights(study, table.id, folder, execution.executor, listener)
         splitting = Splitting(space_of(study), flights.margins, cases, scenario.simulation.seed)
         levels, reached = splitting.pilot(least)
         samples = splitting.replicate(levels, replications)

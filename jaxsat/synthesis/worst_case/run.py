@@ -152,8 +152,7 @@ def worst_case(
     listener.approve([study_work(replace(study, count=2 * flights))])
     identity = identity_of(scenario, study) | {"requirement": table.id, "settings": vars(settings)}
     with folder_of_call(out, KIND, identity, execution.elsewhere) as folder:
-        tell = lambda count: listener.progress(f"{table.id}: {count:,} flights", None)  # noqa: E731
-        flown = Flights(study, table.id, folder, execution.executor, tell)
+        flown = Flights(study, table.id, folder, execution.executor, listener)
 
         def evaluate(points: np.ndarray, noise: np.ndarray) -> np.ndarray:
             flown.margins(points, noise)
