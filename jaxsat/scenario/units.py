@@ -49,18 +49,13 @@ class Conversion(NamedTuple):
         A key without its table belongs to one of the tables that the issue is about.
         """
         tables = {_dotted(one[:-1]) for one in (issue.location, *issue.involved)}
-        own = {_dotted(new): str(old[-1]) for new, old in self.places.items()}
+        own = {_dotted(new): str(self._user_location(new)[-1]) for new in self.places}
 
         def named(match: re.Match[str]) -> str:
             table, key = match[1], match[2]
             places = [table] if table else [f"{one}." for one in tables]
-            place = next((one for one in places if one + key in own), None)
-            if place is None:
-                return match[0]
-            written = own[place + key]
-            while place + written in own:
-                written = own[place + written]
-            return f"{table}{written} (read as {key})"
+            written = next((own[one + key] for one in places if one + key in own), key)
+            return match[0] if written == key else f"{table}{written} (read as {key})"
 
         return re.sub(r"\b((?:\w+\.)*)(\w+)\b", named, issue.message)
 

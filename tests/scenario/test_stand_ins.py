@@ -268,6 +268,17 @@ def test_mistakes_in_a_type_are_told_once_where_they_are(written, old, new, mess
     assert message in found
 
 
+def test_a_message_names_a_key_of_a_type_as_it_is_written(written):
+    """A wheel holds more than its type lets it, which is given as momentum or as speed."""
+    for limit, told in (
+        ("momentum_limit_N_m_s = 50", "must not exceed momentum_limit_N_m_s = 50.0, got 67.0"),
+        ("speed_limit_rpm = 60", "must not exceed speed_limit_rpm (read as momentum_limit_N_m_s)"),
+    ):
+        text = f"[wheel_type.big]\nrotor_inertia_kg_m2 = 1.0\ntorque_limit_N_m = 1\n{limit}\n"
+        text += "[[wheel]]\ntype = 'big'\naxis = [1, 0, 0]\nmomentum_N_m_s = 67\n"
+        assert sum(told in one for one in mistakes(written(rest=text))) == 1
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
