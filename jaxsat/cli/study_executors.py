@@ -80,12 +80,12 @@ def chosen_executor(
 
 def _cluster(place: str) -> "AbstractExecutor":
     try:
-        from jaxsat.studies.cluster import scheduler_at
+        from jaxsat.studies.cluster import Scheduler
     except ImportError:
         raise UserMistake(
             "--scheduler: must have dask.distributed; install jaxsat[cluster]"
         ) from None
     try:
-        return scheduler_at(place, tell=print_stderr)
+        return Scheduler(place, tell=print_stderr)
     except ValueError as error:
         raise UserMistake(f"--scheduler: {error}") from None

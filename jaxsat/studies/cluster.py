@@ -1,7 +1,7 @@
 """Execution of chunks by the workers of a dask scheduler, possibly on other machines.
 
 Needs the extra `cluster`. Only this process writes to the study's store. Access to a scheduler
-allows execution of code with the rights of its users; see `scheduler_at`.
+allows execution of code with the rights of its users.
 """
 
 import logging
@@ -50,11 +50,16 @@ T = TypeVar("T")
 class Scheduler(AbstractExecutor):
     """Workers of the dask scheduler at an address, which may come and go while a study runs.
 
+    The `address` is one such as tcp://host:8786, or the JSON file that the scheduler wrote. The
+    connection follows dask's configuration: with a tls:// address and `distributed.comm.tls`
+    encrypted and authenticated, else open to all who reach the address.
+
     The work is sent to every worker once, also to later ones, so that it compiles once there. The
     chunks of a worker that died are computed again. `tell` receives reports that there are no
     workers yet, or no longer. Raises `ClusterError` if no scheduler answers within `timeout`
     seconds, or one stops answering or is of another version; if there are no workers for `patience`
-    seconds; if they cannot import jaxsat; and if one chunk's workers die repeatedly.
+    seconds; if they cannot import jaxsat; and if one chunk's workers die repeatedly; `ValueError`
+    for neither an address nor a scheduler's file.
     """
 
     address: str
@@ -62,6 +67,9 @@ class Scheduler(AbstractExecutor):
     patience: float = WITHOUT_WORKERS_S
     tell: Callable[[str], None] = field(default=lambda _: None, repr=False, compare=False)
     _stop: Stop = field(default_factory=Stop, init=False, repr=False, compare=False)
+
+    def __post_init__(self):
+        object.__setattr__(self, "address", scheduler_address(self.address, self.timeout))
 
     def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
         """Yield results in order of completion; raises `ClusterError` after a call of `stop`."""
@@ -71,21 +79,6 @@ class Scheduler(AbstractExecutor):
     def stop(self) -> None:
         """Cancel the submitted chunks and release the workers; blocks until this is done."""
         self._stop.ask()
-
-
-def scheduler_at(
-    place: str,
-    timeout: float = CONNECT_S,
-    patience: float = WITHOUT_WORKERS_S,
-    tell: Callable[[str], None] = lambda _: None,
-) -> Scheduler:
-    """Return the scheduler at an address such as tcp://host:8786, or of the JSON file it wrote.
-
-    The connection follows dask's configuration: with a tls:// address and `distributed.comm.tls`
-    encrypted and authenticated, else open to all who reach the address. Raises `ValueError` for
-    neither an address nor a scheduler's file.
-    """
-    return Scheduler(scheduler_address(place, timeout), timeout, patience, tell)
 
 
 class _Link:

@@ -21,7 +21,7 @@ from studies.studies import tumbling
 
 distributed = pytest.importorskip("distributed")
 from jaxsat.studies import cluster, connection  # noqa: E402
-from jaxsat.studies.cluster import ClusterError, scheduler_at  # noqa: E402
+from jaxsat.studies.cluster import ClusterError, Scheduler  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def threads():
 @pytest.mark.slow
 def test_a_scheduler_gives_the_bits_of_the_serial_run(tmp_path, whole, threads):
     seen = []
-    executor = scheduler_at(threads.scheduler_address)
+    executor = Scheduler(threads.scheduler_address)
     run_study(tumbling(), tmp_path / "s", executor=executor, report=seen.append)
     same(without_status(contents(tmp_path / "s")), whole)
     assert len(seen) == 7
@@ -57,7 +57,7 @@ def test_what_fails_in_a_worker_is_told_here(tmp_path, threads, monkeypatch):
     from jaxsat.studies import run
 
     here = run.machine()
-    executor = scheduler_at(threads.scheduler_address)
+    executor = Scheduler(threads.scheduler_address)
     monkeypatch.setattr(run, "machine", lambda: {**here, "processor": str(os.urandom(4))})
     with pytest.raises(OutputError, match=r"worker computes under other conditions \(processor"):
         run_study(tumbling(), tmp_path / "s", executor=executor)
@@ -66,7 +66,7 @@ def test_what_fails_in_a_worker_is_told_here(tmp_path, threads, monkeypatch):
 @pytest.mark.slow
 def test_a_run_is_stopped_from_another_thread(tmp_path, threads):
     """The scheduler is left without the run's work; a later run goes on as if nothing had been."""
-    executor, study = scheduler_at(threads.scheduler_address), tumbling(600, duration=100.0)
+    executor, study = Scheduler(threads.scheduler_address), tumbling(600, duration=100.0)
     begun, told = threading.Event(), []
 
     def run():
@@ -97,7 +97,7 @@ def test_a_scheduler_that_is_not_there_is_told(tmp_path):
         for place in ("tcp://127.0.0.1:9", here, "nonsense://x"):
             begun = time.monotonic()
             with pytest.raises(ClusterError, match=f"no scheduler answers at {place}: "):
-                run_study(tumbling(), tmp_path / "s", executor=scheduler_at(place, 0.2))
+                run_study(tumbling(), tmp_path / "s", executor=Scheduler(place, 0.2))
             assert time.monotonic() - begun < 20.0
 
 
@@ -106,7 +106,7 @@ def test_a_scheduler_of_another_version_is_told(tmp_path, threads, monkeypatch):
     there = distributed.__version__
     told = f"must have the same versions .*; distributed: {there} there, 1.2.3 here"
     with pytest.raises(ClusterError, match=told):
-        run_study(tumbling(), tmp_path / "s", executor=scheduler_at(threads.scheduler_address))
+        run_study(tumbling(), tmp_path / "s", executor=Scheduler(threads.scheduler_address))
 
 
 def test_a_scheduler_without_workers_is_waited_for_with_a_word(tmp_path, monkeypatch):
@@ -116,7 +116,7 @@ def test_a_scheduler_without_workers_is_waited_for_with_a_word(tmp_path, monkeyp
         n_workers=0, processes=False, dashboard_address="127.0.0.1:0"
     ) as empty:
         place = empty.scheduler_address
-        executor = scheduler_at(place, patience=0.5, tell=said.append)
+        executor = Scheduler(place, patience=0.5, tell=said.append)
         with pytest.raises(ClusterError, match=r"had no workers for 0\.5 s"):
             run_study(tumbling(), tmp_path / "s", executor=executor)
     assert said == [f"the scheduler at {place} has no workers; waiting 0.5 s for one"]
@@ -128,7 +128,7 @@ def test_a_scheduler_that_does_not_answer_is_told(tmp_path, threads, monkeypatch
     monkeypatch.setattr(cluster, "ANSWER_S", 0.3)
     deaf = threading.Event()
     monkeypatch.setattr(distributed.Client, "nthreads", lambda client: deaf.wait(60))
-    executor = scheduler_at(threads.scheduler_address)
+    executor = Scheduler(threads.scheduler_address)
     with pytest.raises(ClusterError, match=r"the scheduler is gone: no answer within 0\.3 s"):
         run_study(tumbling(), tmp_path / "s", executor=executor)
     deaf.set()
@@ -140,7 +140,7 @@ def test_a_scheduler_that_goes_away_is_told(tmp_path, whole):
     leaving = distributed.LocalCluster(
         n_workers=1, processes=False, dashboard_address="127.0.0.1:0"
     )
-    executor = scheduler_at(leaving.scheduler_address, 1.0)
+    executor = Scheduler(leaving.scheduler_address, 1.0)
     with pytest.raises(ClusterError, match="the scheduler is gone"):
         run_study(tumbling(), tmp_path / "s", executor=executor, report=lambda _: leaving.close())
     assert 0 < contents(tmp_path / "s")["status"].sum() < 100
@@ -155,7 +155,7 @@ def test_a_slurm_job_computes(tmp_path, whole):
     options = {"cores": 1, "memory": "2GB", "walltime": "00:10:00"}
     with jobqueue.SLURMCluster(**options, python=sys.executable) as jobs:
         jobs.scale(jobs=1)
-        executor = scheduler_at(jobs.scheduler_address)
+        executor = Scheduler(jobs.scheduler_address)
         run_study(tumbling(), tmp_path / "s", executor=executor, elsewhere=True)
     assert contents(tmp_path / "s")["status"].sum() == len(whole["code"])
 
@@ -179,7 +179,7 @@ def test_a_worker_that_is_killed_costs_no_case(tmp_path):
     of_worker = ("worker", "--scheduler-file", file, "--no-nanny", "--nthreads", "1")
     with ExitStack() as running:
         running.enter_context(started("scheduler", *of_scheduler, "--scheduler-file", file))
-        executor = scheduler_at(str(file), timeout=60.0)
+        executor = Scheduler(str(file), timeout=60.0)
         first, _ = (running.enter_context(started(*of_worker)) for _ in range(2))
         address = json.loads(file.read_text())["address"]
         with distributed.Client(address, set_as_default=False) as client:

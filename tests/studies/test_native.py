@@ -69,7 +69,7 @@ def test_chunks_at_once_share_the_processors(tmp_path, whole, calls, three):
 def test_a_worker_of_a_scheduler_gives_the_bits_of_the_serial_run(tmp_path, whole, monkeypatch):
     """And of its threads every chunk takes one."""
     distributed = pytest.importorskip("distributed")
-    from jaxsat.studies.cluster import scheduler_at
+    from jaxsat.studies.cluster import Scheduler
 
     asked, run = [], kernel.Kernel.run
 
@@ -81,7 +81,7 @@ def test_a_worker_of_a_scheduler_gives_the_bits_of_the_serial_run(tmp_path, whol
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=2, processes=False, dashboard_address="127.0.0.1:0"
     ) as cluster:
-        executor = scheduler_at(cluster.scheduler_address)
+        executor = Scheduler(cluster.scheduler_address)
         run_study(compiled(), tmp_path / "s", executor=executor)
     same(without_status(contents(tmp_path / "s")), whole)
     assert asked == [1] * (COUNT // CHUNK)
