@@ -7,7 +7,8 @@ from jaxtyping import Bool, Float
 
 from jaxsat.control.what_is_left import Laws
 from jaxsat.controllability.actuators import ActuatorSet
-from jaxsat.controllability.cone import ROUNDING, TorqueCone, momentum_barrier, torque_cone
+from jaxsat.controllability.barrier import momentum_barrier
+from jaxsat.controllability.cone import ROUNDING, TorqueCone, torque_cone
 from jaxsat.controllability.decision import (
     RANK_OF_DIMENSION,
     RankDecision,

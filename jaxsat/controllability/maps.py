@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from jaxsat.compiler.llvm.mapped import compiled_over_cases
+from jaxsat.controllability.barrier import separatrix_normals
 from jaxsat.controllability.closure import controllability_margin
-from jaxsat.controllability.cone import separatrix_normals
 from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.core.once import latest
 

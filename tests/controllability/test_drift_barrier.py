@@ -6,7 +6,8 @@ import pytest
 import sympy
 
 from controllability.fields import fields, random_state
-from jaxsat.controllability.cone import momentum_barrier, separatrix_normals, torque_cone
+from jaxsat.controllability.barrier import momentum_barrier, separatrix_normals
+from jaxsat.controllability.cone import torque_cone
 from jaxsat.controllability.lie import lie_bracket
 
 MOMENTS = [(449.5, 264.6, 312.5), (1.0, 2.0, 2.9), (5.0, 5.0, 7.0), (9.0, 6.0, 6.0)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxsat.controllability.actuators import actuator_set
-from jaxsat.controllability.cone import separatrix_normals
+from jaxsat.controllability.barrier import separatrix_normals
 from jaxsat.controllability.judging import judge
 from jaxsat.controllability.wording import verdict_sentence
 
