@@ -22,18 +22,13 @@ from jaxsat.control.diagnosis.diagnosis import Diagnosis
 from jaxsat.control.diagnosis.rod_fit import INTERVAL, RodFit, across
 from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter, samples_of_torque
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
+from jaxsat.control.drift_holds import balancing, coasting
 from jaxsat.control.fault_tolerant import PARALLEL, FaultTolerant
 from jaxsat.control.fine import OscillatorySettling
 from jaxsat.control.leaks import Leaks
 from jaxsat.control.momentum_fit import MomentumFit
 from jaxsat.control.normal_form import NormalForm
-from jaxsat.control.presets import (
-    balancing,
-    coasting,
-    oscillatory_settling,
-    ripple_filter,
-    three_slew_settling,
-)
+from jaxsat.control.presets import oscillatory_settling, ripple_filter, three_slew_settling
 from jaxsat.control.pulse_rounding import PulseRounding
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.control.reconfiguration import (

@@ -8,24 +8,22 @@ periodic d3.
 """
 
 import bisect
-import dataclasses
 import math
 from collections.abc import Mapping
-from typing import TypeVar, cast
+from typing import TypeVar
 
-import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Float
 
 from jaxsat.control.demands import AbstractDemand, MorinSamson, TwoChannel
-from jaxsat.control.estimators import MOST_TURN, ThirdAxisEstimator
+from jaxsat.control.estimators import ThirdAxisEstimator
 from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
 from jaxsat.control.finite_time_rate import FiniteTimeRate
 from jaxsat.control.least_squares import RecursiveLeastSquares
 from jaxsat.control.normal_form import BODY_XY, NormalForm
-from jaxsat.control.oscillatory import FlatTop, Oscillator, twice_mean_square
-from jaxsat.control.ripple import RippleFilter, Steady
+from jaxsat.control.oscillatory import Oscillator
+from jaxsat.control.ripple import RippleFilter
 from jaxsat.control.slews import SlewPlanner
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.core.checks import as_float, numpy_if_known
@@ -60,30 +58,6 @@ RIPPLE_SHARE = 0.9375
 RATE_NOISE, RIPPLE_DRIFT, PRODUCT_ERROR = 1e-6, 6.32455532e-08, 0.0316227766
 """Parameters of the ripple filter: noise, rad per `fine_time`, drift, also per √`fine_time`, and
 error of products, times √`fine_time`."""
-
-STEADY, STEADY_DRIFT, CALM = 5e-9, 4e-12, 4.0
-"""Expected acceleration by a constant torque in the ripple filter, and its drift: rad per
-`fine_time`², and per its 5/2nd power; learnt at rates below this many amplitudes of the end
-game."""
-
-ORBIT_STEADY, ORBIT_STEADY_DRIFT, AIM_SLACK = 0.05, 1e-4, 2.0
-"""Under gravity gradient: acceleration at rest by errors of the products, in parts of ω0², its
-drift with the attitude, in parts of ω0^2.5; and the tolerance on the aimed slow rate at the begin
-of a hold, in parts of the oscillation's dead zone."""
-
-AIMED_SHARE = 2 / 3
-"""Turn against the drift at which a hold is aimed, relative to the turn at which it ends."""
-
-TILT_ROOM, NO_PART = 1.6, 1e-9
-"""Ratio of the limits on turns across the body's third axis and about it (0.1 against 0.05 rad,
-less a tenth and the oscillation's share of the tilt), and an axis component treated as zero."""
-
-PULSE_SHARE, LEAST_QUIET = 0.2, 0.5
-"""The amplitude of the end game is reduced by the first share of a pulse's rate, but to no less
-than the second share of itself: pulses and hold together stay within the tolerance of the rate."""
-
-SWITCH_SHARE = 0.5
-"""Share of the torque limit with which the flat-topped waves of the end game change sign."""
 
 BALANCED = 0.35
 """Drift at rest that does not change the attitude, relative to the end game's largest ds/dt."""
@@ -121,7 +95,7 @@ def oscillatory_settling(
     S2, where nothing moves the third axis.
     """
     form = NormalForm.of(model, directions)
-    scaling = _scaling(form, torque_limit, period)
+    scaling = scaling_of(form, torque_limit, period)
     gains = _gains(MORIN_SAMSON, scaling)
     share = min(float(form.coupling) / TUNED_COUPLING, 1.0)
     demand = MorinSamson(**gains.demand._replace(k3=gains.demand.k3 * math.sqrt(share))._asdict())
@@ -149,7 +123,7 @@ def three_slew_settling(
 ) -> ThreeSlewSettling:
     """Rate law, three slews, two-channel law and end game; arguments as above."""
     form = NormalForm.of(model, directions)
-    scaling = _scaling(form, torque_limit, period)
+    scaling = scaling_of(form, torque_limit, period)
     gains, approach = _gains(TWO_CHANNEL, scaling), _gains(APPROACH, scaling)
     demand = TwoChannel(**gains.demand._asdict())
     ripple = (ripple or ripple_filter(form, torque_limit, period=period)) if observe else None
@@ -181,9 +155,9 @@ def ripple_filter(
     of ω3 is proportional to amplitude / (n·Jn frequency), but at least the value for which the
     gains are tuned.
     """
-    unit = _scaling(form, torque_limit, period).fine_time
+    unit = scaling_of(form, torque_limit, period).fine_time
     frequency = abs(frequency) or RIPPLE_FREQUENCY / unit
-    size = abs(amplitude) / (_moments(form)[2] * frequency)
+    size = abs(amplitude) / (moments_of(form)[2] * frequency)
     return RippleFilter(
         frequency,
         noise=RATE_NOISE / unit,
@@ -193,98 +167,12 @@ def ripple_filter(
     )
 
 
-def coasting(law: ThreeSlewSettling, pulse: float, noise: float) -> ThreeSlewSettling:
-    """Return the law with an estimate of the constant torque about n, and holds that begin against
-    that torque where the end game cannot balance it.
-
-    They turn about n as far as the tolerances of settling allow. The end game leaves room for the
-    rate (rad/s) that the smallest `pulse` of a thruster changes. The estimate assumes at least the
-    `noise` (rad/s) of the measured rates.
-    """
-    unit = _scaling(law.form, float(law.torque_limit), float(law.period)).fine_time
-    amplitude = float(law.fine.holding_amplitude)
-    law = _with_steady(law, (STEADY / unit**2, STEADY_DRIFT / unit**2.5), noise)
-    amplitude = max(amplitude - PULSE_SHARE * pulse, LEAST_QUIET * amplitude)
-    room, handover = _room(law.form), law.fine.handover
-    leave_turn = room * float(handover.leave_turn)
-    handover = dataclasses.replace(
-        handover,
-        enter_turn=room * float(handover.enter_turn),
-        leave_turn=leave_turn,
-        aimed_turn=AIMED_SHARE * leave_turn,
-    )
-    fine = dataclasses.replace(law.fine, holding_amplitude=as_float(amplitude), handover=handover)
-    estimator = dataclasses.replace(law.estimator, balanced=_balanced(fine))
-    late_turn = room * float(law.late_turn)
-    return dataclasses.replace(law, fine=fine, estimator=estimator, late_turn=late_turn)
-
-
-def balancing(law: ThreeSlewSettling, noise: float) -> ThreeSlewSettling:
-    """Return the law with an estimate of the drift by errors of the products under gravity
-    gradient, which moves the held attitude, and holds that begin against drift that no attitude
-    balances, of flat-topped waves. The held attitude turns about n as far as the tolerances of
-    settling allow. After an attitude has been lost, slews are about the estimated axes.
-
-    The estimate assumes at least the `noise` (rad/s) of the measured rates. A law without gravity
-    gradient or ripple filter is unchanged.
-    """
-    if law.estimator.gradient is None or law.estimator.observer is None:
-        return law
-    orbit_rate = abs(float(law.form.model.orbit.rate))
-    steady = ORBIT_STEADY * orbit_rate**2, ORBIT_STEADY_DRIFT * orbit_rate**2.5
-    law = _with_steady(law, steady, noise)
-    slack = AIM_SLACK * law.fine.oscillator.dead_zone
-    room, handover = _room(law.form), law.fine.handover
-    handover = dataclasses.replace(
-        handover,
-        aim_slack=slack,
-        enter_turn=room * float(handover.enter_turn),
-        leave_turn=room * float(handover.leave_turn),
-        leave_held=handover.leave_turn,
-    )
-    largest = float(law.torque_limit) / max(_moments(law.form)[:2])
-    flat_top = FlatTop(SWITCH_SHARE * largest, law.period)
-    fine = dataclasses.replace(law.fine, handover=handover, flat_top=flat_top)
-    estimator = dataclasses.replace(
-        law.estimator,
-        balances_steady=True,
-        balanced=_balanced(fine) * twice_mean_square(fine.roundness),
-        most_turn=as_float(room * MOST_TURN),
-    )
-    return dataclasses.replace(law, fine=fine, estimator=estimator, turns_slews=True)
-
-
-def _room(form: NormalForm) -> float:
-    """Limit on a turn about n relative to one about the body's third axis.
-
-    Settling limits the tilt of that axis, which may be twice as large as the turn about it.
-    """
-    first, second, third = np.abs(np.asarray(form.axes)[2])
-    return min(1 / max(third, NO_PART), TILT_ROOM / max(math.hypot(first, second), NO_PART))
-
-
-def _with_steady(
-    law: ThreeSlewSettling, steady: tuple[float, float], noise: float
-) -> ThreeSlewSettling:
-    """The law with an estimate of a `steady` acceleration, size and drift, and holds that coast."""
-    calm = CALM * float(law.fine.holding_amplitude)
-    ripple = cast(RippleFilter, law.estimator.observer)
-    observer = dataclasses.replace(
-        ripple,
-        steady=Steady(*map(as_float, (*steady, calm))),
-        noise=as_float(max(float(ripple.noise), noise)),
-    )
-    handover = dataclasses.replace(law.fine.handover, coasts=True)
-    fine = dataclasses.replace(law.fine, handover=handover)
-    estimator = dataclasses.replace(law.estimator, observer=observer)
-    return eqx.tree_at(lambda one: (one.estimator, one.fine), law, (estimator, fine))
-
-
 Gains = TypeVar("Gains", bound=tuple)
 
 
-def _scaling(form: NormalForm, torque_limit: float | int, period: float) -> Scaling:
-    first, second, third = _moments(form)
+def scaling_of(form: NormalForm, torque_limit: float | int, period: float) -> Scaling:
+    """The units of time of the gains; raises `ValueError` where S1 and S2 are equal."""
+    first, second, third = moments_of(form)
     if not first - second > LEAST_COUPLING * third:
         raise ValueError("Argument `model` must have S1 apart from S2, but they are equal.")
     return Scaling.of(math.sqrt(first * second), torque_limit, period)
@@ -343,14 +231,15 @@ def _estimator(
     form = fine.oscillator.form
     acts = gravity_gradient and float(form.model.orbit.rate) != 0
     gradient = form.gradient_rate if acts else None
-    return ThirdAxisEstimator(form, ripple, fit, _balanced(fine), gradient)
+    return ThirdAxisEstimator(form, ripple, fit, balanced_drift(fine), gradient)
 
 
-def _balanced(fine: FineStage) -> Float[jax.Array, ""]:
+def balanced_drift(fine: FineStage) -> Float[jax.Array, ""]:
     """Drift at rest (rad/s²) for which the attitude is not changed."""
     _, coupling, amplitude = numpy_if_known(fine.oscillator.form.coupling, fine.holding_amplitude)
     return as_float(BALANCED * coupling * amplitude**2 / 2)
 
 
-def _moments(form: NormalForm) -> list[float]:
+def moments_of(form: NormalForm) -> list[float]:
+    """S1, S2 and n·Jn, kg m²."""
     return np.asarray(form.moments).tolist()

@@ -10,12 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from control.cases import ORBIT_RATE, body
 from jaxsat.control.demands import MorinSamson
+from jaxsat.control.drift_holds import balancing, coasting
 from jaxsat.control.estimators import MOST_TILT, MOST_TURN, ThirdAxisEstimator, in_body, products_of
 from jaxsat.control.fine import SURE_SHARE, Handover
 from jaxsat.control.finite_time_rate import FiniteTimeRate
 from jaxsat.control.normal_form import NormalForm, NormalState, tilt_of
 from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow, turned
-from jaxsat.control.presets import balancing, coasting, three_slew_settling
+from jaxsat.control.presets import three_slew_settling
 from jaxsat.control.ripple import RippleFilter
 from jaxsat.control.supervisor import Phase
 from jaxsat.core.attitude import WZ, Quaternion

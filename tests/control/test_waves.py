@@ -12,9 +12,10 @@ from scipy.integrate import quad, solve_ivp
 import jaxsat
 from control.cases import body
 from control.test_oscillatory import known
+from jaxsat.control.drift_holds import balancing
 from jaxsat.control.normal_form import NormalState, tilt_of
 from jaxsat.control.oscillatory import SINE, FlatTop, Slow, twice_mean_square, wave_at
-from jaxsat.control.presets import BALANCED, balancing, three_slew_settling
+from jaxsat.control.presets import BALANCED, three_slew_settling
 from jaxsat.core.attitude import WZ
 
 ROUNDNESSES = (0.125, 0.4, SINE)
