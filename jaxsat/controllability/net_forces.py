@@ -58,8 +58,8 @@ def net_force(actuators: ActuatorSet, cone: TorqueCone) -> NetForce | None:
         one_way = unit_rays(actuators.torques[:, ~signs], signs[~signs])
         directions = np.concatenate([cone.both_signs, -cone.both_signs, one_way], axis=1)
     ratios = np.array([_least(torques, forces, direction) for direction in directions.T])
-    made = np.isfinite(ratios)
-    return NetForce(directions[:, made], ratios[made]) if made.any() else None
+    possible = np.isfinite(ratios)
+    return NetForce(directions[:, possible], ratios[possible]) if possible.any() else None
 
 
 def _least(

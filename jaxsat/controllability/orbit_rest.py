@@ -52,11 +52,11 @@ def _balance(
 ) -> _Balance:
     normal, nadir = to_body @ NORMAL, to_body @ NADIR
     across = np.cross(normal, basis.T).T
-    ways, sizes, made = np.linalg.svd(across, full_matrices=False)
-    ways, made = ways[:, sizes > ACROSS], made[sizes > ACROSS]
+    ways, sizes, shares = np.linalg.svd(across, full_matrices=False)
+    ways, shares = ways[:, sizes > ACROSS], shares[sizes > ACROSS]
     torque = np.cross(normal, inertia @ normal + momentum)
     torque -= pull * np.cross(nadir, inertia @ nadir)
-    held = momentum - basis @ (made.T @ (ways.T @ torque / sizes[sizes > ACROSS]))
+    held = momentum - basis @ (shares.T @ (ways.T @ torque / sizes[sizes > ACROSS]))
     keeps = np.eye(3) - ways @ ways.T
     return _Balance(held, keeps @ torque, keeps)
 

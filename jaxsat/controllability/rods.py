@@ -102,8 +102,8 @@ class RodSet:
         torques = self.torques(places)
         power = np.mean(torques @ torques.swapaxes(-1, -2), axis=1)
         weights = np.linalg.pinv(power, rcond=SAME_AXIS, hermitian=True) @ torque
-        made = (power @ weights[..., None])[..., 0]
-        if np.abs(made - torque).max() > SAME_AXIS * np.abs(torque).max():
+        means = (power @ weights[..., None])[..., 0]
+        if np.abs(means - torque).max() > SAME_AXIS * np.abs(torque).max():
             return np.inf
         return float(np.abs(weights[:, None, None] @ torques).max())
 

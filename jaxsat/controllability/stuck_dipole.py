@@ -70,11 +70,11 @@ def largest_opposed(
     rate, back = float(rods.field.circle.rate), rest.to_body.T
     steps = _steps(rods, back @ inertia @ back.T, back @ wheels.axes, back @ rest.momentum)
     own = np.linalg.pinv(wheels.axes) @ (rest.momentum * rate - wheels.coasting)
-    made = _means(rods.torques(places, rest.to_body))
-    opposed = _means(np.cross(back @ dipole, rods.fields))
+    torques = _means(rods.torques(places, rest.to_body))
+    steady = _means(np.cross(back @ dipole, rods.fields))
     momentum = reference_moment(inertia) * rate
     stored = (wheels.capacity + own) / momentum, (wheels.capacity - own) / momentum
-    return _least(pickle.dumps((steps, made, opposed, _Bounds(angle, part, *stored))))
+    return _least(pickle.dumps((steps, torques, steady, _Bounds(angle, part, *stored))))
 
 
 def _means(torques: Float[np.ndarray, "turns instants ..."]) -> np.ndarray:
@@ -108,36 +108,36 @@ def _least(design: bytes) -> float:
 
     Cases of a study in which one magnetorquer is stuck at different levels share it.
     """
-    steps, made, opposed, bounds = pickle.loads(design)
+    steps, torques, steady, bounds = pickle.loads(design)
     return min(
-        _largest(steps, each, torque, bounds) for each, torque in zip(made, opposed, strict=True)
+        _largest(steps, each, torque, bounds) for each, torque in zip(torques, steady, strict=True)
     )
 
 
 def _largest(
     steps: _Steps,
-    made: Float[np.ndarray, "instants 3 k"],
-    opposed: Float[np.ndarray, "instants 3"],
+    torques: Float[np.ndarray, "instants 3 k"],
+    steady: Float[np.ndarray, "instants 3"],
     bounds: _Bounds,
 ) -> float:
-    """Return the largest multiple of the torques `opposed` (N m) at one turn of the Earth, with the
-    torques `made` at full dipoles."""
-    instants, size, wheels = len(made), len(steps.state), steps.wheels.shape[1]
+    """Return the largest multiple of the torques `steady` (N m) at one turn of the Earth, with the
+    torques `torques` at full dipoles."""
+    instants, size, wheels = len(torques), len(steps.state), steps.wheels.shape[1]
     onwards = np.kron(np.roll(np.eye(instants), 1, axis=1), np.eye(size))
     onwards -= np.kron(np.eye(instants), steps.state)
-    rods = np.zeros((instants * size, instants * made.shape[2]))
-    for instant, columns in enumerate(made):
-        rows, own = instant * size, instant * made.shape[2]
-        rods[rows : rows + size, own : own + made.shape[2]] = steps.torque @ columns
+    rods = np.zeros((instants * size, instants * torques.shape[2]))
+    for instant, columns in enumerate(torques):
+        rows, own = instant * size, instant * torques.shape[2]
+        rods[rows : rows + size, own : own + torques.shape[2]] = steps.torque @ columns
     by_wheels = np.kron(np.eye(instants), steps.wheels)
-    constant = (opposed @ steps.torque.T).reshape(-1, 1)
+    constant = (steady @ steps.torque.T).reshape(-1, 1)
     columns = [onwards, -rods, -by_wheels, -constant]
     free = np.full(3, np.inf)
     most = np.concatenate([np.full(3, bounds.angle), free, bounds.more])
     least = np.concatenate([np.full(3, bounds.angle), free, bounds.less])
-    dipoles, torques = np.full(rods.shape[1], bounds.part), np.full(instants * wheels, np.inf)
-    high = np.concatenate([np.tile(most, instants), dipoles, torques, [np.inf]])
-    low = np.concatenate([-np.tile(least, instants), -dipoles, -torques, [0.0]])
+    dipoles, of_wheels = np.full(rods.shape[1], bounds.part), np.full(instants * wheels, np.inf)
+    high = np.concatenate([np.tile(most, instants), dipoles, of_wheels, [np.inf]])
+    low = np.concatenate([-np.tile(least, instants), -dipoles, -of_wheels, [0.0]])
     aim = np.zeros(len(high))
     aim[-1] = -1.0
     solution = linprog(

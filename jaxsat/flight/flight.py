@@ -257,9 +257,9 @@ def vector_names(measured: Any) -> tuple[str, ...]:
 @once
 def _with_vectors(names: tuple[str, ...]) -> Any:
     """Return the class `Measured` with further fields of these names."""
-    taken = {*Measured._fields, *Input._fields}
+    fields = {*Measured._fields, *Input._fields}
     for name in names:
-        if name in taken or name.startswith("_") or keyword.iskeyword(name):
+        if name in fields or name.startswith("_") or keyword.iskeyword(name):
             message = f"must have another name in flight code, got {name}"
             raise CannotExport(f"{OTHER_SENSORS}.{name}: {message}")
     base: Any = namedtuple(Measured.__name__, (*Measured._fields, *names))

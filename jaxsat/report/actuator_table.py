@@ -130,7 +130,7 @@ def actuator_tables(dataset: Dataset, scenario: Mapping[str, Any]) -> Iterator[T
     Each number has a column with its unit; cells of devices without it are empty.
     """
     rows: list[dict[str, Cell]] = []
-    found = diagnoses(dataset)
+    verdicts = diagnoses(dataset)
     for kind in ACTUATORS:
         signals = [one for one in kind.signals if one.each and one.name in dataset]
         labels = part_labels(dataset, signals[0].name) if signals else []
@@ -147,11 +147,11 @@ def actuator_tables(dataset: Dataset, scenario: Mapping[str, Any]) -> Iterator[T
                 row |= _numbers(dataset, one, noun, place, table)
             failed = failures_of_part(scenario, f"{kind.name} {own}", dataset["time"].values)
             row["failure"] = "failed before the start" if table.get("failed") else failed
-            row["diagnosis"] = found.get(f"{kind.name} {label}", "")
+            row["diagnosis"] = verdicts.get(f"{kind.name} {label}", "")
             rows.append(row)
     if rows:
         names = dict.fromkeys(name for row in rows for name in row if name not in FATES)
-        columns = [*names, *(name for name in FATES[: 1 + bool(found)])]
+        columns = [*names, *(name for name in FATES[: 1 + bool(verdicts)])]
         cells = [[row.get(name) for name in columns] for row in rows]
         yield Table("What each actuator did", columns, cells)
 

@@ -132,8 +132,8 @@ def _is_good(record: Mapping[str, Any]) -> bool | None:
     """Whether a law of jaxsat flies to every attitude; None where only in principle one could."""
     if record["verdict"] == "uncontrollable":
         return False
-    flown = record["verdict"] == "controllable" and LEFT[record["laws"]].everywhere
-    return True if flown else None
+    everywhere = record["verdict"] == "controllable" and LEFT[record["laws"]].everywhere
+    return True if everywhere else None
 
 
 def controllability_lines(

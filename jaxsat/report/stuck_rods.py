@@ -71,12 +71,12 @@ def _left(rods: RodSet, places: list[int], stuck: int, sign: float) -> RodsLeft:
 def _filling(
     scenario: Scenario, judgement: Judgement, rods: RodSet, places: list[int], hold: Held
 ) -> str | None:
-    found = judgement.actuators
-    low = np.where(found.two_sided, -1.0, 0.0)
-    beside = ThrustersLeft(found.torques, low, np.ones_like(low))
-    if not found.wheels or (low.size and torque_reserve(*beside) > 0):
+    actuators = judgement.actuators
+    low = np.where(actuators.two_sided, -1.0, 0.0)
+    beside = ThrustersLeft(actuators.torques, low, np.ones_like(low))
+    if not actuators.wheels or (low.size and torque_reserve(*beside) > 0):
         return None
-    axes = found.wheel_axes / np.linalg.norm(found.wheel_axes, axis=0)
+    axes = actuators.wheel_axes / np.linalg.norm(actuators.wheel_axes, axis=0)
     capacity = _capacity(scenario)
     loads = {}
     for place in places:

@@ -111,24 +111,24 @@ def verdicts(dataset: Dataset) -> list[tuple[float, str]]:
 
 def isolations(dataset: Dataset) -> list[Diagnosis]:
     """Return all verdicts of a diagnosing law, in order of time."""
-    found, time = [], dataset["time"].values
+    verdicts, time = [], dataset["time"].values
     if "diagnosed_kind" in dataset:
         kinds, names = dataset["diagnosed_kind"].values, diagnosed_names(dataset)
         for row, place in np.argwhere(np.diff(kinds, axis=0) != 0):
             kind = kinds[row + 1, place]
             if np.isfinite(kind):
                 what = f"isolated as {DIAGNOSED[int(kind)]}" if kind >= 0 else RETURNED
-                found.append(Diagnosis(float(time[row + 1]), names[place], what))
+                verdicts.append(Diagnosis(float(time[row + 1]), names[place], what))
     if "diagnosed_dipole" in dataset:
         parts, names = dataset["diagnosed_dipole"].values, _diagnosed_rods(dataset)
         for place, name in enumerate(names):
-            known = parts[np.isfinite(parts[:, place]), place]
-            changes = np.flatnonzero(np.diff(known != 1)) + 1
-            for row, end in pairwise([*changes, len(known)]):
-                left = known[end - 1]
+            finite = parts[np.isfinite(parts[:, place]), place]
+            changes = np.flatnonzero(np.diff(finite != 1)) + 1
+            for row, end in pairwise([*changes, len(finite)]):
+                left = finite[end - 1]
                 what = RETURNED if left == 1 else f"isolated, makes {left:.0%}"
-                found.append(Diagnosis(float(time[row]), name, what))
-    return sorted(found)
+                verdicts.append(Diagnosis(float(time[row]), name, what))
+    return sorted(verdicts)
 
 
 def diagnosed_parts(dataset: Dataset) -> list[str]:
@@ -146,12 +146,12 @@ def failure_sentences(dataset: Dataset, scenario: Mapping[str, Any]) -> Iterator
 
     That of a failure says when the law isolated it, if the law diagnoses such actuators.
     """
-    every, known = isolations(dataset), set(diagnosed_parts(dataset))
+    every, scope = isolations(dataset), set(diagnosed_parts(dataset))
     left, failures = every, _failures(scenario, dataset["time"].values)
     for number, (at, table) in enumerate(failures):
         of = str(table.get("of", ""))
         later = [then for then, one in failures[number + 1 :] if one.get("of") == of]
-        parts = known & {of, f"{of}+", f"{of}-"}  # both ways of a two-sided thruster
+        parts = scope & {of, f"{of}+", f"{of}-"}  # both ways of a two-sided thruster
         own = [one for one in left if one.part in parts and at <= one.at <= min([*later, np.inf])]
         left = [one for one in left if one not in own]
         before = [one.what for one in every if one.part in parts and one.at < at]
@@ -166,15 +166,16 @@ def failure_sentences(dataset: Dataset, scenario: Mapping[str, Any]) -> Iterator
         yield one.at, f"{capitalised(one.part)} {_told([one])}, although it had not failed."
 
 
-def _told(found: Sequence[Diagnosis]) -> str:
-    return ", ".join(f"{one.what} at {number_text(one.at, 6)} s" for one in found)
+def _told(verdicts: Sequence[Diagnosis]) -> str:
+    return ", ".join(f"{one.what} at {number_text(one.at, 6)} s" for one in verdicts)
 
 
 def diagnoses(dataset: Dataset) -> dict[str, str]:
     """Return the law's verdicts on each actuator that it diagnoses; empty texts without one."""
-    found = isolations(dataset)
+    verdicts = isolations(dataset)
     return {
-        part: _told([one for one in found if one.part == part]) for part in diagnosed_parts(dataset)
+        part: _told([one for one in verdicts if one.part == part])
+        for part in diagnosed_parts(dataset)
     }
 
 

@@ -182,22 +182,22 @@ def _loads(
 
     Momentum turns with the orbit frame, so that thrusters take out later what they do not now.
     """
-    found = [_largest_load(makers.axes, -limit, limit, one) for one in momenta]
+    loads = [_largest_load(makers.axes, -limit, limit, one) for one in momenta]
     if not _relieved(makers):
-        return found
+        return loads
     rate, unlimited = scenario.orbit.rate(), UNLIMITED * max(np.abs(momenta).max(), limit.max())
-    for number in np.flatnonzero([share > 1 for share, _ in found]):
+    for number in np.flatnonzero([share > 1 for share, _ in loads]):
         turned = min(rate * times[number], 2 * math.pi)
         angles = np.linspace(0, turned, 1 + math.ceil(REMOVALS * turned / (2 * math.pi)))
         removals = -np.hstack([*(into_frame(angles) @ unit_columns(makers.pushes))])
         if spans_all_ways(removals):  # so they do from then on
-            found[number:] = [(0.0, one) for _, one in found[number:]]
+            loads[number:] = [(0.0, one) for _, one in loads[number:]]
             break
         low = np.r_[-limit, np.zeros(removals.shape[1])]
         high = np.r_[limit, np.full(removals.shape[1], unlimited)]
         columns = np.hstack([makers.axes, removals])
-        found[number] = _largest_load(columns, low, high, momenta[number])
-    return found
+        loads[number] = _largest_load(columns, low, high, momenta[number])
+    return loads
 
 
 def _first_full(times: Float[np.ndarray, " n"], shares: Float[np.ndarray, " n"]) -> float:

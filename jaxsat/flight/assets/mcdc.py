@@ -289,9 +289,9 @@ def main(words: list[str]) -> None:
     if words[0] == "report":
         sys.stdout.write(report(text, Path(words[2]).read_text()))
         return
-    made = Instrumented(text)
-    assert all(len(one.conditions) <= 64 for one in made.decisions)
-    sys.stdout.write(RECORDING % len(made.decisions) + made.text)
+    program = Instrumented(text)
+    assert all(len(one.conditions) <= 64 for one in program.decisions)
+    sys.stdout.write(RECORDING % len(program.decisions) + program.text)
 
 
 if __name__ == "__main__":

@@ -127,30 +127,30 @@ def _is_own_filter(values: Values) -> bool:
 
 @rule_over("gyro")
 def _a_filter_without_a_gyro_knows_the_torques(values):
-    given = given_sensors(values)
-    if values["gyro"] is not None or not given or not _is_own_filter(values):
+    names = given_sensors(values)
+    if values["gyro"] is not None or not names or not _is_own_filter(values):
         return
     keys = [f"estimator.{key.name}" for key in (RATE_SIGMA, TORQUE_KEYS[0])]
     table = values.get("estimator", 0) is not None
     missing = [key for key in keys if not table or values.get(key, 0) is None]
     if missing == keys:
         message = (
-            f"must be given with [{given[0]}], or else {' and '.join(keys)}, for a filter that "
+            f"must be given with [{names[0]}], or else {' and '.join(keys)}, for a filter that "
             "predicts the rates from the commanded torques, got none of them"
         )
         yield at("gyro", message, True)
     elif missing:
-        yield at(missing[0], f"must be given with [{given[0]}] without [gyro], got nothing", True)
+        yield at(missing[0], f"must be given with [{names[0]}] without [gyro], got nothing", True)
 
 
 @rule_over("gyro.noise_density_rad_s_sqrt_Hz", "estimator.kind")
 def _a_filter_by_the_dynamics_knows_the_torques_beside_a_gyro(values):
-    given = [key.name for key in OF_DYNAMICS if values.get(f"estimator.{key.name}")]
-    if not given or not _is_own_filter(values):
+    names = [key.name for key in OF_DYNAMICS if values.get(f"estimator.{key.name}")]
+    if not names or not _is_own_filter(values):
         return
     for key in (RATE_SIGMA, TORQUE_KEYS[0]):
         if values.get(f"estimator.{key.name}", 0) is None:
-            yield at(f"estimator.{key.name}", f"must be given with {given[0]}, got nothing", True)
+            yield at(f"estimator.{key.name}", f"must be given with {names[0]}, got nothing", True)
     if not values["gyro.noise_density_rad_s_sqrt_Hz"]:
         message = "must be above 0 for a filter that takes in rates as measurements, got 0"
         yield at("gyro.noise_density_rad_s_sqrt_Hz", message)
@@ -200,9 +200,9 @@ def _estimator_has_sensors(values):
 
 @rule_over("estimator.kind")
 def _a_law_without_estimator_has_a_gyro_and_a_tracker(values):
-    given, kind = given_sensors(values), values["estimator.kind"]
+    names, kind = given_sensors(values), values["estimator.kind"]
     missing = [name for name in ("gyro", "star_tracker") if values.get(name, 0) is None]
-    if kind == "none" and given and missing:
+    if kind == "none" and names and missing:
         yield at("estimator.kind", f'must be "mekf" without [{missing[-1]}], got "none"')
 
 

@@ -99,10 +99,10 @@ def given_sensors(values: Values) -> list[str]:
 
 @rule_over()
 def _other_sensors_have_names_of_their_own(values):
-    given = given_sensors(values)
-    for one in given:
+    names = given_sensors(values)
+    for one in names:
         name = one.removeprefix(f"{OTHER_SENSORS}.")
-        if name != one and (name in (*given, GYRO.name, STAR_TRACKER.name)):
+        if name != one and (name in (*names, GYRO.name, STAR_TRACKER.name)):
             yield at(one, f"must have a name that no other sensor has, got {name}")
         if name != one and not name.isidentifier():
             yield at(one, f"must have a name of letters, digits and _, got {shown(name)}")
@@ -199,8 +199,8 @@ def _delay_within_a_period(period, delay):
 
 def sensor_cautions(scenario: Any) -> Iterator[Issue]:
     """Yield a caution about a single vector: turns about it are observable only as it rotates."""
-    given = [*attitude_tables(scenario)]
-    alone = len(given) == 1 and given != [STAR_TRACKER.name]
+    names = [*attitude_tables(scenario)]
+    alone = len(names) == 1 and names != [STAR_TRACKER.name]
     orbit, duration = scenario.orbit, scenario.simulation.duration_s
     ellipse = orbit.ellipse()
     rate = math.sqrt(EARTH_GRAVITY / ellipse[0] ** 3) if ellipse else orbit.rate()
@@ -210,4 +210,4 @@ def sensor_cautions(scenario: Any) -> Iterator[Issue]:
             f"orbit, {math.pi / rate:.4g} s: before, what it measures has hardly turned, and a "
             f"turn about that is hardly observable, got a run of {shown(duration)} s"
         )
-        yield Issue(tuple(given[0].split(" ")), message)
+        yield Issue(tuple(names[0].split(" ")), message)

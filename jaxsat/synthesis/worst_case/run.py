@@ -152,16 +152,16 @@ def worst_case(
     listener.approve([study_work(replace(study, count=2 * flights))])
     identity = identity_of(scenario, study) | {"requirement": table.id, "settings": vars(settings)}
     with folder_of_call(out, KIND, identity, execution.elsewhere) as folder:
-        flown = Flights(study, table.id, folder, execution.executor, listener)
+        evaluations = Flights(study, table.id, folder, execution.executor, listener)
 
         def evaluate(points: np.ndarray, noise: np.ndarray) -> np.ndarray:
-            flown.margins(points, noise)
-            return _comparable(flown.batches[-1])
+            evaluations.margins(points, noise)
+            return _comparable(evaluations.batches[-1])
 
         ball = Ball.with_probability(sum(study.case_factory.dimensions().values()), within)
         whole = space_of(study).whole
         counts = search(evaluate, ball, whole, flights, scenario.simulation.seed)
-        batch = flown.together()
+        batch = evaluations.together()
         if excess := excess_of(batch, scenario):
             listener.warn(excess)
         margins = _comparable(batch)
