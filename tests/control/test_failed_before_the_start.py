@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from helpers.compiling import by_machine_code
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.control.tolerant_actuators import TolerantMode
 from jaxsat.core.attitude import Quaternion
@@ -48,7 +49,7 @@ def test_the_law_flies_as_if_it_had_isolated_them_at_the_start():
     both = [(known, known.init), (whole, lambda start: isolated(whole.init(start)))]
     flights = []
     for law, init in both:
-        step, torque = eqx.filter_jit(law.step), law.actuators[0].reconfiguration.torque
+        step, torque = by_machine_code(law.step), law.actuators[0].reconfiguration.torque
         inverse = law.healthy.model.spacecraft.inverse_inertia
         state = PlantState(Quaternion(jnp.array([0.8, 0.36, -0.48, 0.0])), jnp.full(3, 0.01))
         memory, told = init(state), []

@@ -11,6 +11,7 @@ from scipy.integrate import cumulative_simpson, simpson
 
 import jaxsat
 from control.cases import INERTIA, ORBIT_RATE, actuators, body, paper_disturbance
+from helpers.compiling import by_machine_code
 from jaxsat.control.fine import FineMode
 from jaxsat.control.presets import oscillatory_settling, three_slew_settling
 from jaxsat.control.supervisor import Phase
@@ -123,7 +124,7 @@ def test_flights_between_the_tuned_limits_settle_as_soon(name):
 def test_modes_change_with_hysteresis():
     """The end game comes in below the inner thresholds and goes only beyond the outer ones."""
     controller = oscillatory_settling(body(), 5.0)
-    step = eqx.filter_jit(controller.step)
+    step = by_machine_code(controller.step)
 
     def mode(z, begin):
         state = PlantState(WZ([0.0, 0.0], z), [0.0, -ORBIT_RATE, 0.0])
@@ -143,7 +144,7 @@ def test_the_end_game_oscillates_at_the_frequency_that_is_given(name):
     """It shares the phase by which the ripple of the oscillation is removed."""
     given = [f"control.law={name}", "control.frequency_rad_s=0.3"]
     controller = build_loop(jaxsat.load("acceptance-nominal", given)).controller
-    step = eqx.filter_jit(controller.step)
+    step = by_machine_code(controller.step)
     state = PlantState(WZ([1e-3, 2e-3], 0.01).as_quaternion(), [0.0, -ORBIT_RATE, 2e-5])
     memory = controller.init(state)
     memory = memory._replace(fine=memory.fine._replace(late=jnp.array(True)))
@@ -165,7 +166,7 @@ def test_the_end_game_oscillates_at_the_frequency_that_is_given(name):
 def three_slew():
     """A controller and its compiled step."""
     controller = three_slew_settling(body(), 5.0)
-    return controller, eqx.filter_jit(controller.step)
+    return controller, by_machine_code(controller.step)
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from control.cases import ORBIT_RATE, body
+from helpers.compiling import by_machine_code
 from jaxsat.control.demands import MorinSamson
 from jaxsat.control.drift_holds import balancing, coasting
 from jaxsat.control.estimators import MOST_TILT, MOST_TURN, ThirdAxisEstimator, in_body, products_of
@@ -257,7 +258,7 @@ def test_no_phase_is_stayed_in_in_vain():
     """Each guard at either side of its limit."""
     controller = three_slew_settling(body(), 5.0)
     patience, slow = float(controller.patience), float(controller.slow_rate)
-    step = eqx.filter_jit(controller.step)
+    step = by_machine_code(controller.step)
 
     def phase(begin, t, s, spin=0.05, z=0.0):
         state = PlantState(WZ([0.0, 0.0], z), [spin, -ORBIT_RATE, s])

@@ -49,3 +49,59 @@ def fully_optimised(function: Callable) -> Callable:
         "xla_llvm_disable_expensive_passes": False,
     }
     return jax.jit(function, compiler_options=options)
+
+
+def by_machine_code(function: Callable) -> Callable:
+    """`function` compiled by jaxsat's compiler, as `equinox.filter_jit` does by XLA.
+
+    XLA takes twice as long for a law of ten thousand operations; it compiles what ours cannot.
+    """
+    import equinox as eqx
+    import jax
+
+    from jaxsat.compiler import CannotLower, Mapped
+
+    made: dict[Any, Callable] = {}
+
+    def compiled(fixed: Any, arrays: Any) -> Callable:
+        def of_arrays(case: Any, shared: Any = None) -> Any:
+            return function(*eqx.combine(case, fixed))
+
+        try:
+            mapped = Mapped(of_arrays, arrays, lanes=1, kept=True)
+        except CannotLower:
+            return jax.jit(of_arrays)
+        return lambda case: _alone(mapped(_one_case(case)))
+
+    def called(*given: Any) -> Any:
+        arrays, fixed = eqx.partition(given, eqx.is_array)
+        leaves, tree = jax.tree.flatten(arrays)
+        kinds = tuple((x.shape, x.dtype) for x in leaves)
+        key = (tree, kinds, tuple(jax.tree.leaves(fixed)))
+        if key not in made:
+            made[key] = compiled(fixed, arrays)
+        return made[key](arrays)
+
+    return called
+
+
+def interpreted(function: Callable, *given: Any) -> Any:
+    """What `function` makes of what is `given`, without machine code: for a single call."""
+    from jaxsat.compiler import Mapped
+
+    mapped = Mapped(lambda case, _: function(*case), given)
+    return _alone(mapped.interpreted(_one_case(given)))
+
+
+def _one_case(given: Any) -> Any:
+    import jax
+    import numpy as np
+
+    return jax.tree.map(lambda x: np.asarray(x)[None], given)
+
+
+def _alone(found: Any) -> Any:
+    import jax
+    import jax.numpy as jnp
+
+    return jax.tree.map(lambda x: jnp.asarray(x[0]), found)

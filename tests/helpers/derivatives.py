@@ -6,6 +6,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from helpers.compiling import by_machine_code
+
 WIDTHS = (1e-4, 1e-5, 1e-6, 1e-7)
 """Half widths of the differences."""
 
@@ -41,7 +43,7 @@ class Derivatives:
 
     def __init__(self, function, names):
         self.names = tuple(names)
-        self._both = jax.jit(lambda x, way, *rest: _forward(function, x, way, *rest))
+        self._both = by_machine_code(lambda *given: _forward(function, *given))
 
     def at(self, x, *rest):
         """Compare around `x`; `rest` is given to the function as it is."""

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from helpers.compiling import by_machine_code, interpreted
 from jaxsat.cli.scenarios import check
 from jaxsat.control.what_is_left import LEFT
 from jaxsat.core.allocation import least_propellant, plane_map, pushed_directions
@@ -210,7 +211,7 @@ def test_the_law_of_each_actuator_takes_what_is_left_where_controllability_names
     assert flies
     assert isinstance(run.loop, SampledLoop)
     law, start = run.loop.controller, run.loop.plant.complete(run.start)
-    command, memory = eqx.filter_jit(law.step)(jnp.zeros(()), start, law.init(start))
+    command, memory = interpreted(law.step, jnp.zeros(()), start, law.init(start))
     assert np.isfinite(command).all()
     assert int(law.mode(memory)) in LEFT[judgement.laws].modes
     run.loop.distribution(jnp.zeros(()), start, command, run.loop.plant.effectors)
@@ -228,7 +229,7 @@ def test_thrusters_in_a_plane_fly_as_without_the_wheels_that_stay_idle(beside, t
         run = build(load(_file(tmp_path, TOLERANT, INERTIA, tables, MODULATION)))
         assert isinstance(run.loop, SampledLoop)
         law, state = run.loop.controller, run.loop.plant.complete(run.start)
-        step, torque = eqx.filter_jit(law.step), law.actuators[0].reconfiguration.torque
+        step, torque = by_machine_code(law.step), law.actuators[0].reconfiguration.torque
         inverse = law.healthy.model.spacecraft.inverse_inertia
         state = eqx.tree_at(lambda one: one.omega, state, jnp.array([0.01, -0.008, 0.006]))
         memory, told = law.init(state), []
