@@ -2,15 +2,14 @@
 
 import pytest
 
-from helpers.pages import run_dataset
-from jaxsat.report.page import report_page
-from jaxsat.store.netcdf import dataset_bytes
-from jaxsat.store.resumable import ResumableFolder
+# jaxsat is imported in fixtures: pytest reads this file before types are checked.
 
 
 @pytest.fixture
 def run_file(tmp_path):
     """Write a dataset as a run of its own; gives the path."""
+    from jaxsat.store.netcdf import dataset_bytes
+    from jaxsat.store.resumable import ResumableFolder
 
     def write(dataset, name="trajectory.nc"):
         with ResumableFolder(tmp_path / "run", "run", {}) as folder:
@@ -23,6 +22,11 @@ def run_file(tmp_path):
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
     """The page of the run of `run_dataset`."""
+    from helpers.pages import run_dataset
+    from jaxsat.report.page import report_page
+    from jaxsat.store.netcdf import dataset_bytes
+    from jaxsat.store.resumable import ResumableFolder
+
     with ResumableFolder(tmp_path_factory.mktemp("run"), "run", {}) as folder:
         folder.write("trajectory.nc", dataset_bytes(run_dataset()))
     return report_page([folder.path / "trajectory.nc"])
