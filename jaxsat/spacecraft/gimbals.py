@@ -178,13 +178,10 @@ class ControlMomentGyros(AbstractEffector):
         """Return Σ h in body axes, N m s."""
         return self.directions(state.angle)[0] @ state.momentum
 
-    def _rates(self, command: Float[Array, " k"]) -> Float[Array, " k"]:
-        return jnp.clip(command, -self.rate_limit, self.rate_limit)
-
     def piece(self, mode: tuple, command: Float[Array, " k"]) -> GyroPiece:
         """Return the gimbal rates within their limits, and the slowing of rotors."""
         slowing = jnp.zeros(self.count) if self.slowing is None else self.slowing
-        return GyroPiece(self._rates(command), slowing)
+        return GyroPiece(jnp.clip(command, -self.rate_limit, self.rate_limit), slowing)
 
     def effect(self, piece: GyroPiece, t, plant, state: GyroStates) -> Effect:
         """Return the torque on the body: -dh/dt relative to the body, N m."""

@@ -20,6 +20,7 @@ from jaxsat.core.allocation import least_propellant, unit_columns
 from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, Vector
 from jaxsat.core.checks import as_float, as_optional_float
 from jaxsat.core.smooth import positive_part, within
+from jaxsat.spacecraft.spacecraft import adjugate
 from jaxsat.spacecraft.torque_legs import begun_legs, legs_before, parts_up_to, zero_below
 
 PIVOTS_A_THRUSTER = 4
@@ -191,10 +192,8 @@ def _beginning(upper: Float[Array, " m"], torque: Vector, first: Vector | None) 
 
 def inverse_of_columns(columns: Matrix) -> Matrix:
     """Return the inverse, by rows, of the matrix whose columns are the rows of `columns`."""
-    a, b, c = columns
-    across = jnp.cross(b, c)
-    adjugate = jnp.stack([across, jnp.cross(c, a), jnp.cross(a, b)])
-    return adjugate / jnp.sum(a * across)
+    cofactors = adjugate(columns)
+    return cofactors / jnp.sum(columns[0] * cofactors[0])
 
 
 def _pivot(programme: Programme, torque: Vector, at: Vertex) -> Vertex:

@@ -110,7 +110,7 @@ class Magnetorquers(AbstractEffector):
             return self, command
         gain, level = self.failures.two_signed(struck, self.count)
         left = eqx.tree_at(lambda one: one.failures, self, None)
-        return left, gain * self._dipoles(command) + level * self.dipole_limit
+        return left, gain * self.piece((), command) + level * self.dipole_limit
 
     def reach(self, t, plant, state: None, struck, span) -> Reach:
         """Return the torque of each per 1 A m², a × B (N m), a its axis: all perpendicular to B."""
@@ -122,12 +122,9 @@ class Magnetorquers(AbstractEffector):
         most = self.dipole_limit
         return Reach(columns, (level - jnp.abs(gain)) * most, (level + jnp.abs(gain)) * most)
 
-    def _dipoles(self, command: Float[Array, " k"]) -> Float[Array, " k"]:
-        return jnp.clip(command, -self.dipole_limit, self.dipole_limit)
-
     def piece(self, mode: tuple, command: Float[Array, " k"]) -> Float[Array, " k"]:
         """Return the dipole of each magnetorquer for a command, within its limit, A m²."""
-        return self._dipoles(command)
+        return jnp.clip(command, -self.dipole_limit, self.dipole_limit)
 
     def effect(self, piece: Float[Array, " k"], t, plant, state: None) -> Effect:
         """Return the torque on the body, m × B (N m), of the total dipole m."""
