@@ -229,6 +229,18 @@ def disturbance_and_actuators_of_the_docs():
     return of_the_docs("your-own-disturbance.md", control=law, failed=[])
 
 
+def sensors_of_the_docs():
+    """A magnetometer, a beacon, and a Sun sensor that the light of the Earth disturbs."""
+    text = (DOCS / "your-own-sensor.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    Path("beacons.py").write_text("\n".join(blocks), encoding="utf-8")
+    place = {"latitude_rad": 0.3, "longitude_rad": 0.2, "noise_rad": 1e-3}
+    beacon = {"kind": "beacons:Beacon", **place, **TURN, **TIMES}
+    sun = {"kind": "beacons:AlbedoSun", "pull": 0.1, **SUN_SENSOR}
+    sensors = {"gyro": GYRO, "magnetometer": MAGNETOMETER, "sensor": {"north": beacon, "sun": sun}}
+    return scenario_of(LAW, control={"law": LAW, **KEYS[LAW], "period_s": 0.1}, **sensors)
+
+
 def pid_of_the_docs():
     law = {"law": "quaternion_pd:QuaternionPID", "kp": 4.0, "ki_N_m_s": 0.1, "kd": 40.0}
     return of_the_docs("your-own-law.md", control=law)
@@ -284,9 +296,11 @@ PLUGINS = [
     Part("law_of_the_docs", law_of_the_docs, "kp"),
     Part("pid_of_the_docs", pid_of_the_docs, "kp"),
     Part("disturbance_and_actuators_of_the_docs", disturbance_and_actuators_of_the_docs),
+    Part("sensors_of_the_docs", sensors_of_the_docs),
     Part("package", package, "alpha"),
 ]
 FILES = {"QuaternionPD": "quaternion_pd", "SolarTorque": "solar", "CoarseValves": "valves"}
+FILES |= {"Beacon": "beacons"}
 
 
 def of_the_docs(page, control=None, failed=None):
@@ -309,7 +323,7 @@ def of_the_docs(page, control=None, failed=None):
 SLOW = {"failing_wheels", "failing_pulsed_thrusters", "failing_magnetorquers", "tachometers"}
 SLOW |= {"noise_and_delay", "disturbances", "panels", "navigation-none", "magnetorquers"}
 SLOW |= {"failing_wheels_without_rotors", "navigation-mekf", "wheels"}
-SLOW |= {"flexible_modes", "gimbals", "without_a_gyro"}
+SLOW |= {"flexible_modes", "gimbals", "without_a_gyro", "sensors_of_the_docs"}
 ALL = [
     pytest.param(one, id=one.name, marks=[pytest.mark.slow] if one.name in SLOW else [])
     for one in PARTS + PLUGINS
@@ -377,8 +391,8 @@ NO_PARTS = {"title", "description", "initial", "simulation", "settled", "dispers
 NO_PARTS |= {"requirement", *TYPES}
 """Tables that are none of the spacecraft or its surroundings, or types, which `read` takes in."""
 
-IN_OTHER_PLACES = {"actuators", "unloading", "modulation"}
-"""Those of a plug-in, of magnetorquers beside wheels, and of throttled thrusters."""
+IN_OTHER_PLACES = {"actuators", "sensor", "unloading", "modulation"}
+"""Those of plug-ins, of magnetorquers beside wheels, and of throttled thrusters."""
 
 
 def test_the_list_has_every_part_that_a_scenario_can_have():
