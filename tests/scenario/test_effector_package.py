@@ -3,11 +3,20 @@
 import os
 import subprocess
 import sys
+from collections.abc import Callable
+from contextlib import nullcontext
 from importlib.metadata import EntryPoint
 
+import equinox as eqx
+import numpy as np
 import pytest
 
 from jaxsat.core.declaration import actuators
+from jaxsat.scenario.build.errors import BuildError
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.plugin_trial import require_steered
+from jaxsat.scenario.build.run import build
+from jaxsat.spacecraft.steering import AbstractSteering
 from scenario.packages import FROZEN, install_package
 
 PACKAGE = FROZEN / "flywheels"
@@ -62,3 +71,28 @@ def test_one_that_cannot_be_used_is_left_out_and_told(monkeypatch, place, said):
     monkeypatch.setattr(actuators, "entry_points", lambda group: points)
     with pytest.warns(UserWarning, match=said):
         assert actuators._installed() == ()
+
+
+class Steering(AbstractSteering):
+    """Of four wheels; what it gives for a command of three torques."""
+
+    kind = "wheel"
+    given: Callable = eqx.field(static=True)
+
+    def __call__(self, t, state, command):
+        return self.given(command)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (lambda command: (np.ones((4, 3)) @ command, 0 * command), None),
+        (lambda command: (command, command), r"gives arrays of shapes \(\(4,\), \(3,\)\).*py:"),
+        (lambda command: (np.eye(2) @ command, command), "can be run, got TypeError: .*py:"),
+    ],
+)
+def test_a_steering_that_does_not_suit_the_loop_is_refused(given, said):
+    run = build(load("wheels-fail"))
+    refused = nullcontext() if said is None else pytest.raises(BuildError, match=f"wheel .*{said}")
+    with refused:
+        require_steered([Steering(given)], run.loop.plant.effectors, run.start)

@@ -2,7 +2,7 @@
 
 import contextlib
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from operator import attrgetter
 from typing import Any
 
@@ -24,7 +24,9 @@ from jaxsat.scenario.plugins import Part, place_in
 from jaxsat.scenario.quantities import values_of
 from jaxsat.spacecraft.actuators import AbstractActuators
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.effector import AbstractEffector
 from jaxsat.spacecraft.environment.sensed_vectors import AbstractSensedVector
+from jaxsat.spacecraft.steering import AbstractSteering
 
 Controller = AbstractController | AbstractSampledController
 LAW = ("control", "law")
@@ -96,6 +98,30 @@ def require_torque(
         value = eqx.filter_eval_shape(torque, *arguments)
     place = _place_of_method(part.made, "__call__")
     _require_shape(part, location, value, (3,), f"gives {{}}, a torque in N m{place}")
+
+
+def require_steered(
+    steering: Iterable[AbstractSteering], effectors: Sequence[AbstractEffector], start: PlantState
+) -> None:
+    """Raise `BuildError` if a package's steering, called once, raises or returns other shapes."""
+    counts = {one.kind: one.count for one in effectors}
+    for one in steering:
+        if type(one).__module__.partition(".")[0] == "jaxsat":
+            continue
+        rule = f'must be such that its steering "{type(one).__name__}"'
+        try:
+            outcome = eqx.filter_eval_shape(one, jnp.zeros(()), start, jnp.zeros(3))
+        except foreign_exceptions() as error:
+            text = str(error).strip().split("\n", 1)[0]
+            place = place_in(inspect.getfile(type(one)), error)
+            message = f"{rule} can be run, got {type(error).__name__}: {text}{place}"
+            raise BuildError(Issue((one.kind,), message)) from error
+        wanted = ((counts[one.kind],), (3,))
+        found = tuple(getattr(value, "shape", None) for value in jax.tree.leaves(outcome))
+        if found != wanted:
+            place = _place_of_method(type(one), "__call__")
+            message = f"{rule} gives arrays of shapes {wanted}{place}, got {found}"
+            raise BuildError(Issue((one.kind,), message))
 
 
 def require_vector(part: Part, location: Location, vector: AbstractSensedVector) -> None:
