@@ -15,6 +15,11 @@ def cross_matrix(v):
     return np.cross(np.eye(3), v)
 
 
+def differs(one, other):
+    """Whether any of two tuples' objects is not the same one."""
+    return any(x is not y for x, y in zip(one, other, strict=True))
+
+
 class Oracle:
     """`gyro` is (σv, σu), `tracker` the 3x3 covariance of the measured attitude in body axes."""
 
@@ -24,6 +29,7 @@ class Oracle:
         noise = self.variance * np.eye(3)
         covariance = block_diag(attitude_sigma**2 * np.eye(3), bias_sigma**2 * np.eye(3), noise)
         self.first = (attitude, np.zeros(3), covariance)
+        self.kept = []
 
     def run(self, rates, attitudes):
         """Attitude, bias and 9x9 covariance at the last of `rates`.
@@ -31,11 +37,31 @@ class Oracle:
         `attitudes` are measured ones by sample number, or lists of what was measured, in which a
         vector is (in body axes, in inertial axes, deviation).
         """
-        state = self.corrected(self.first, attitudes.get(0))
-        for number in range(1, len(rates)):
-            state = self.moved(state, rates[number - 1], rates[number])
-            state = self.corrected(state, attitudes.get(number))
-        return state
+
+        def after(state, number):
+            if number:
+                state = self.moved(state, rates[number - 1], rates[number])
+            return self.corrected(state, attitudes.get(number))
+
+        return self.through(len(rates), lambda number: (attitudes.get(number),), after)
+
+    def through(self, count, measured, after):
+        """The state at the last of `count` samples: from the first one on at which something else
+        was `measured` than at the last call."""
+        kept = self.kept
+        new = (number for number, one in enumerate(kept) if differs(one[0], measured(number)))
+        del kept[min(next(new, count), count) :]
+        self.recall(kept[-1][2] if kept else None)
+        for number in range(len(kept), count):
+            state = after(kept[-1][1] if kept else self.first, number)
+            kept.append((measured(number), state, self.noted()))
+        return kept[-1][1]
+
+    def noted(self):
+        """What else is known after a sample."""
+
+    def recall(self, noted):
+        """Begin again where this was `noted`, or at the start."""
 
     def moved(self, state, before, after):
         attitude, bias, covariance = state

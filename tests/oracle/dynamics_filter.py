@@ -33,19 +33,24 @@ class DynamicsOracle(Oracle):
             covariance = block_diag(covariance, sigma**2 * np.eye(3))
             others = np.concatenate([others, np.zeros(3)])
         self.first = (attitude, others, covariance)
+        self.kept, self.white = [], {}
 
     def run(self, momenta, torques, attitudes, rates=()):
         """Attitude, rate with unknown torque, error of momentum and bias, and covariance at the
         last of `momenta`; each of `torques` acted up to its sample, `attitudes` are as in
         `Oracle.run`, and `rates` those of the gyro by sample."""
-        self.white = {}
-        state, rates = self.corrected(self.first, attitudes.get(0)), dict(rates)
-        state = self.after_rate(state, rates.get(0), 0)
-        for number in range(1, len(momenta)):
-            state = self.moved(state, momenta[number - 1], momenta[number], torques[number])
+
+        def after(state, number):
+            if number:
+                state = self.moved(state, momenta[number - 1], momenta[number], torques[number])
             state = self.corrected(state, attitudes.get(number))
-            state = self.after_rate(state, rates.get(number), number)
-        return state
+            return self.after_rate(state, rates.get(number), number)
+
+        def measured(number):
+            return attitudes.get(number), rates.get(number)
+
+        rates = dict(rates)
+        return self.through(len(momenta), measured, after)
 
     def after_rate(self, state, measured, number):
         """The state after a rate; `white` has its innovation in parts of its deviations."""

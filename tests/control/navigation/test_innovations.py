@@ -64,9 +64,13 @@ class StrictOracle(Oracle):
         super().__init__(*arguments)
         self.probability, self.patience, self.probation = probability, patience, probation
 
-    def run(self, rates, attitudes):
-        self.squares, self.history = {}, {}
-        return super().run(rates, attitudes)
+    def noted(self):
+        return dict(self.squares), {sensor: list(one) for sensor, one in self.history.items()}
+
+    def recall(self, noted):
+        squares, history = noted or ({}, {})
+        self.squares = dict(squares)
+        self.history = {sensor: list(one) for sensor, one in history.items()}
 
     def told(self, sensor):
         """Whether a sensor is excluded, its rejected readings, and how often it was excluded, from
