@@ -204,7 +204,9 @@ class ThrusterFilter(AbstractResidualFilter):
         expected = condition.part * on_time + condition.flow * period
         besides = self.believed(condition, period)
         change = effect @ expected + gyroscopic + period * (inverse @ besides)
-        squares = jnp.sum((effect * expected[None]) ** 2) + jnp.sum(gyroscopic**2)
+        # Of a symmetrical body the parts of the moments are large, although their sum is not.
+        parts = jnp.cross(turning, jnp.diag(jnp.diagonal(body.inertia) * turning)) @ inverse.T
+        squares = jnp.sum((effect * expected[None]) ** 2) + jnp.sum((period * parts) ** 2)
         if turned is not None:
             squares = squares + jnp.sum((turned - memory.own.turned) ** 2)
         if reading.unwatched is not None:

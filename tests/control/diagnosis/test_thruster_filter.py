@@ -64,6 +64,22 @@ def test_wheels_and_magnetorquers_are_not_taken_for_thrusters():
     assert 7 < sizes[0] / sizes[1] < 9
 
 
+def test_wrong_moments_leave_a_gyroscopic_torque_that_nearly_equal_ones_do_not():
+    """What each moment leaves in the rate, by differences of the gyroscopic torque."""
+    moments, period, step = np.diag([0.47, 0.46, 0.19]), 0.1, 1e-6
+    none = np.zeros(8)
+    model = ThrusterModel(canted(force=0.01)[0], none, none, none, PulseWidth())
+    watch = ThrusterFilter(RigidBody(Spacecraft(moments), ExactOrbit(0.0)), model, 1e-5)
+    reading, sound = Reading(jnp.asarray(OMEGA)), ActuatorCondition.sound(8)
+    memory = watch.init(reading)
+    found = jax.jit(
+        lambda: watch.predicted(reading, jnp.zeros(8), sound, jnp.array(period), memory).squares
+    )()
+    changes = step * np.einsum("ij,ki->kij", moments, np.eye(3))
+    left = [np.linalg.solve(moments, np.cross(OMEGA, one @ OMEGA)) / step for one in changes]
+    np.testing.assert_allclose(found, period**2 * np.sum(np.square(left)), rtol=1e-12)
+
+
 def test_a_torque_that_turns_a_body_by_a_degree_is_believed_once_learned():
     """And nothing of half of it; with slow gains and a noisy gyro it takes more samples."""
     torque, none = canted(force=0.01)[0], np.zeros(8)
