@@ -3,14 +3,18 @@
 import csv
 from types import SimpleNamespace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxsat.core.tolerances import Tolerances
 from jaxsat.report.document import Shown
 from jaxsat.report.study_document import recovery_line, recovery_tables
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
+from jaxsat.simulation.engine.failure_record import DiagnosisRecord, FailureRecord
+from jaxsat.simulation.trajectory import Signals
 from jaxsat.store.tables import open_study, save_case_table
 from jaxsat.studies.failure_codes import FAILURES
 from jaxsat.studies.recovery import Recovery
@@ -208,3 +212,19 @@ def test_engines_tell_the_same_of_failures(six):
     assert native.keys() == scan.keys()
     for name, values in scan.items():
         np.testing.assert_allclose(native[name], values, atol=1e-9, err_msg=name)
+
+
+@pytest.mark.parametrize(("begins", "false"), [(0.9, 1), (1.0, 0), (1.1, 0)])
+def test_an_alarm_at_the_instant_of_a_failure_is_not_false(begins, false):
+    """A wheel that seizes at a sample is seen at this sample."""
+    none, never, zero = jnp.array(0), jnp.array([jnp.inf]), jnp.array(0.0)
+    diagnosis = DiagnosisRecord(never, never, jnp.array([-1.0]), none > 0, none)
+    record = FailureRecord(jnp.array([1.0]), none, none, diagnosis)
+    two, three = jnp.zeros(2), jnp.zeros(3)
+    quiet = Signals(two, zero, jnp.zeros(4), three, three, three, three, two, zero, zero)
+    for t in (0.8, 0.9, 1.0, 1.1, 1.2):
+        parts = {"diagnosed_kind": diagnosis.kind, "alarm": jnp.array(float(t >= begins))}
+        record = record.observe(jnp.array(t), quiet.with_parts(parts), Tolerances())
+    found = record.outputs(jnp.array(0.1))
+    assert int(found["false_alarms"]) == false
+    assert 1.1 <= float(found["detection_time"][0]) <= 1.2

@@ -61,7 +61,7 @@ class FailureRecord(NamedTuple):
         alarmed = alarm > 0
         detection = alarmed & (t > self.at) & jnp.isinf(before.detected)
         isolation = (kind >= 0) & jnp.isinf(before.isolated)
-        false = alarmed & ~before.alarmed & (t <= jnp.min(self.at))
+        false = alarmed & ~before.alarmed & (t < jnp.min(self.at))
         return DiagnosisRecord(
             jnp.where(detection, t, before.detected),
             jnp.where(isolation, t, before.isolated),
