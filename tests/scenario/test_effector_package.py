@@ -1,6 +1,7 @@
 """An actuator of an installed package: failures, draws, signals and drawing as built-in ones."""
 
 import os
+import pkgutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -8,6 +9,7 @@ from contextlib import nullcontext
 from importlib.metadata import EntryPoint
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -96,3 +98,20 @@ def test_a_steering_that_does_not_suit_the_loop_is_refused(given, said):
     refused = nullcontext() if said is None else pytest.raises(BuildError, match=f"wheel .*{said}")
     with refused:
         require_steered([Steering(given)], run.loop.plant.effectors, run.start)
+
+
+def test_flywheels_that_do_not_span_make_the_part_of_a_torque_along_their_axes(monkeypatch):
+    """Of two flywheels whose axes lean, the first at its limit."""
+    monkeypatch.syspath_prepend(PACKAGE)
+    steering_class = pkgutil.resolve_name("flywheels.effector:FlywheelSteering")
+    axes = np.array([[1.0, 0.6], [0.0, 0.8], [0.0, 0.0]])
+    shares = np.linalg.pinv(axes)
+    torque = jnp.array([0.03, 0.02, 0.05])
+    for limit in (1.0, 0.01):
+        steering = steering_class(*map(jnp.asarray, (axes, np.array([limit, 1.0]), shares)))
+        own, left = steering(0.0, None, torque)
+        np.testing.assert_allclose(axes @ own + left, torque, atol=1e-12)
+        np.testing.assert_allclose(steering.within_reach(0.0, None, torque), [0.03, 0.02, 0])
+        assert abs(own[0]) <= limit + 1e-12
+        if limit == 1.0:
+            np.testing.assert_allclose(own, [0.015, 0.025], atol=1e-9)

@@ -66,7 +66,7 @@ RELEASE_0_2 = {
 }
 """At the end of the flight, and of each case of the study."""
 
-DIGEST = "699a6db8245496c795da8abcf2fc144a65bad15a4c180ec882a848bdb7dd9d3a"
+DIGEST = "5dbd37659e6ecddb323a3ea9c02ae1eba5c5d9952e6ad22036aa49c409982e5e"
 """SHA-256 of the paths and texts of the packages."""
 
 

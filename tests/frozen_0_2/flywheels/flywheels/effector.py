@@ -126,5 +126,9 @@ class FlywheelSteering(AbstractSteering):
     def __call__(self, t, state, command):
         """The torque of each, and what is left to others, N m."""
         reach = Reach(self.axes, -self.limit, self.limit)
-        torques = allocate(reach, self.shares @ command).use
+        torques = allocate(reach, self.within_reach(t, state, command)).use
         return torques, command - self.axes @ torques
+
+    def within_reach(self, t, state, torque):
+        """The part of a torque along their axes, N m."""
+        return self.axes @ (self.shares @ torque)
