@@ -36,16 +36,17 @@ def stuck_rod_words(scenario: Scenario, judgement: Judgement) -> str | None:
     `judgement` of all that work.
 
     With wheels about three axes these hold its momentum until the end of the scenario, as a study
-    judges; else the others oppose it over an orbit. None where neither applies.
+    judges, but for an orbit at least, as a file of a vehicle alone has no end; else the others
+    oppose it over an orbit. None where neither applies.
     """
     rods, places = all_rods(scenario)
     if rods is None or not places:
         return None
     plant = build_plant(scenario)
     start = build_start(scenario, plant.effectors)
-    hold = Held(
-        _Uncommanded(plant), start, scenario.simulation.duration_s, tolerances_of(scenario), {}
-    )
+    rate = abs(scenario.orbit.rate())
+    duration = max(scenario.simulation.duration_s, np.ceil(2 * np.pi / rate) if rate else 0.0)
+    hold = Held(_Uncommanded(plant), start, duration, tolerances_of(scenario), {})
     if judgement.laws == "three torques":
         words = _filling(scenario, judgement, rods, places, hold)
     elif judgement.laws == "magnetic":

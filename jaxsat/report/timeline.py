@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
+from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.sensors import OTHER_SENSORS
 from jaxsat.core.declaration.units import unit_of, with_unit
 from jaxsat.core.text import capitalised, number_text, vector_text
@@ -162,8 +163,20 @@ def failure_sentences(dataset: Dataset, scenario: Mapping[str, Any]) -> Iterator
             verdict = f"; still {before[-1]}"
         what = f"{words_of(of)} {_kind_of(table, amounts=True)} at {number_text(at, 6)} s"
         yield at, f"{capitalised(what)}{verdict}."
+    lost = _failed_before(scenario)
     for one in left:
-        yield one.at, f"{capitalised(one.part)} {_told([one])}, although it had not failed."
+        excuse = "" if one.part.rstrip("+-") in lost else ", although it had not failed"
+        yield one.at, f"{capitalised(one.part)} {_told([one])}{excuse}."
+
+
+def _failed_before(scenario: Mapping[str, Any]) -> set[str]:
+    """Return kind and name of the actuators that failed before the start."""
+    return {
+        f"{kind.name} {table.get('name', number)}"
+        for kind in ACTUATORS
+        for number, table in enumerate(scenario.get(kind.name, ()), 1)
+        if table.get("failed")
+    }
 
 
 def _told(verdicts: Sequence[Diagnosis]) -> str:

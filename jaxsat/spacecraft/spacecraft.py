@@ -35,7 +35,7 @@ def inverse_of(inertia: Matrix) -> Matrix:
 
 
 def adjugate(matrix: Matrix) -> Matrix:
-    """Return det(M) M⁻¹ of a symmetric matrix, which also exists without an inverse."""
+    """Return the cofactors det(M) M⁻ᵀ, of a symmetric matrix its adjugate; M may be singular."""
     a, b, c = matrix
     return jnp.stack([jnp.cross(b, c), jnp.cross(c, a), jnp.cross(a, b)])
 

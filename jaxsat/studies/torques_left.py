@@ -194,7 +194,9 @@ def _rods_left(
         if (dipoles := one.dipoles()) is not None:
             hit = failures["failed_part"][:, None] == before + np.arange(one.count)[:, None]
             hit &= (failures["failure_kind"] != NEVER)[:, None]
-            since = np.where(hit, failures["failure_time"][:, None], np.inf).min(axis=2)
+            since = np.where(hit, failures["failure_time"][:, None], np.inf).min(
+                axis=2, initial=np.inf
+            )
             stuck = np.where(reach.low == reach.high, reach.high, 0.0)
             return RodsLeft(rod_set(loop, dipoles), reach.healthy, stuck, reach.high, since)
         before += one.count

@@ -118,6 +118,7 @@ def test_it_is_built_with_its_keys_and_dumped(own):
         ('sensor.magnetometer={kind="beacons:Sun", noise_rad=0.01}', "that no other sensor has"),
         ('sensor.gyro={kind="beacons:Sun", noise_rad=0.01}', "that no other sensor has, got gyro"),
         ('sensor."a b"={kind="beacons:Sun", noise_rad=0.01}', "of letters, digits and _"),
+        ('sensor."größe"={kind="beacons:Sun", noise_rad=0.01}', "of letters, digits and _"),
         ('sensor.sun={kind="beacons:Flat", noise_rad=0.01}', "an array of shape (3,), a vector"),
         ('sensor.sun={kind="beacons:Bare", noise_rad=0.01}', "a vector and its visibility"),
         ('sensor.sun={kind="beacons:Broken", noise_rad=0.01}', "can be run, got TypeError"),

@@ -73,6 +73,11 @@ def test_a_sentence_on_each_failure_says_whether_the_law_isolated_it():
         (45.0, "Thruster a degraded (fraction 1) at 45 s; still isolated as dead."),
         (40.0, "Wheel C isolated as degraded at 40 s, although it had not failed."),
     ]
+    before = {"wheel": [{"name": "C", "failed": True}]}
+    assert list(failure_sentences(found, before))[-1] == (
+        40.0,
+        "Wheel C isolated as degraded at 40 s.",
+    )
     names = ["thruster a+", "wheel B", "wheel C", "magnetorquer x", "magnetorquer y"]
     assert list(diagnoses(found)) == names
     assert [diagnoses(found)[name] for name in names[1:3]] == ["", "isolated as degraded at 40 s"]

@@ -104,8 +104,8 @@ def _other_sensors_have_names_of_their_own(values):
         name = one.removeprefix(f"{OTHER_SENSORS}.")
         if name != one and (name in (*names, GYRO.name, STAR_TRACKER.name)):
             yield at(one, f"must have a name that no other sensor has, got {name}")
-        if name != one and not name.isidentifier():
-            yield at(one, f"must have a name of letters, digits and _, got {shown(name)}")
+        if name != one and not (name.isascii() and name.isidentifier()):
+            yield at(one, f"must have an ASCII name of letters, digits and _, got {shown(name)}")
 
 
 @rule_over("gyro.limit_rad_s", *ATTITUDE)
