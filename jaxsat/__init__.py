@@ -17,7 +17,7 @@ from jaxsat.core.once import imported
 IMPORTED_NS = time.time_ns()
 """When this was imported, before all other modules of the package but `once`."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 if not getattr(sys, "_is_gil_enabled", lambda: True)():
     raise ImportError(
