@@ -49,7 +49,7 @@ def subject_title(dataset: Dataset, subject: str) -> str:
     return f"{dataset.attrs.get('title', 'Trajectory')}: {subject}"
 
 
-class Diagnosis(NamedTuple):
+class Isolation(NamedTuple):
     """A law's verdict on an actuator, `part`, at a saved time `at` (s)."""
 
     at: float
@@ -110,7 +110,7 @@ def verdicts(dataset: Dataset) -> list[tuple[float, str]]:
     return sorted(events)[:MOST_VERDICTS]
 
 
-def isolations(dataset: Dataset) -> list[Diagnosis]:
+def isolations(dataset: Dataset) -> list[Isolation]:
     """Return all verdicts of a diagnosing law, in order of time."""
     verdicts, time = [], dataset["time"].values
     if "diagnosed_kind" in dataset:
@@ -119,7 +119,7 @@ def isolations(dataset: Dataset) -> list[Diagnosis]:
             kind = kinds[row + 1, place]
             if np.isfinite(kind):
                 what = f"isolated as {DIAGNOSED[int(kind)]}" if kind >= 0 else RETURNED
-                verdicts.append(Diagnosis(float(time[row + 1]), names[place], what))
+                verdicts.append(Isolation(float(time[row + 1]), names[place], what))
     if "diagnosed_dipole" in dataset:
         parts, names = dataset["diagnosed_dipole"].values, _diagnosed_rods(dataset)
         for place, name in enumerate(names):
@@ -128,7 +128,7 @@ def isolations(dataset: Dataset) -> list[Diagnosis]:
             for row, end in pairwise([*changes, len(finite)]):
                 left = finite[end - 1]
                 what = RETURNED if left == 1 else f"isolated, makes {left:.0%}"
-                verdicts.append(Diagnosis(float(time[row]), name, what))
+                verdicts.append(Isolation(float(time[row]), name, what))
     return sorted(verdicts)
 
 
@@ -179,7 +179,7 @@ def _failed_before(scenario: Mapping[str, Any]) -> set[str]:
     }
 
 
-def _told(verdicts: Sequence[Diagnosis]) -> str:
+def _told(verdicts: Sequence[Isolation]) -> str:
     return ", ".join(f"{one.what} at {number_text(one.at, 6)} s" for one in verdicts)
 
 
