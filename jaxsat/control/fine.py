@@ -6,11 +6,11 @@ from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from jaxsat.control.demands import MorinSamson, beyond
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.handover import AIMED_TURN, Handover, HoldRecord, UnbalancedDrift
-from jaxsat.control.leaks import USED, Aid
 from jaxsat.control.normal_form import NormalForm, NormalState, clipped, tilt_of
 from jaxsat.control.oscillatory import (
     SINE,
@@ -34,11 +34,31 @@ SURE_SHARE, LEAST_SHARE = 0.7, 0.2
 the smallest deceleration of the slow rate where a drift takes the rest."""
 
 
+USED = 0.5
+"""Share of the possible acceleration that the control of the turn demands."""
+
+CONTROLLED_TURN = 0.04
+"""Turn, rad, at which it demands that share."""
+
+
 class FineMode(enum.IntEnum):
     """The modes of the fine stage; a supervisor's earlier phases are 1 and 2."""
 
     OSCILLATING = 3
     HOLDING = 4
+
+
+class Aid(NamedTuple):
+    """Effect of thrusters about n beside the two torques.
+
+    `thrust` (rad/s) is the thrusters' action in the last period, for the fit of leaks. `drift`
+    (rad/s²) is the mean acceleration by the leaks of the torques in the plane, and `push` (rad/s²)
+    the possible acceleration towards -n and n.
+    """
+
+    thrust: Float[Array, " k"]
+    drift: RealScalar
+    push: Pair
 
 
 class FineMemory(NamedTuple):
@@ -223,3 +243,15 @@ class OscillatorySettling(AbstractSampledController):
     def mode(self, memory: OscillatorySettlingMemory) -> IntScalar:
         """The active `FineMode`."""
         return jnp.where(memory.fine.late, FineMode.HOLDING, FineMode.OSCILLATING)
+
+
+def wanted_push(slow: Slow, drift: RealScalar, push: Pair) -> RealScalar:
+    """The acceleration (rad/s²) about n that the control of the turn demands.
+
+    Critically damped, with compensation of `drift` (rad/s²); with one sign alone no more than that.
+    """
+    least = jnp.min(push)
+    square = USED * least / CONTROLLED_TURN
+    acceleration = -square * slow.turn - 2 * jnp.sqrt(square) * slow.rate
+    acceleration = jnp.where(least > 0, acceleration, 0.0)
+    return jnp.clip(acceleration - drift, -push[0], push[1])

@@ -5,7 +5,7 @@ is small, but a plane whose sums have either sign gives three axes.
 """
 
 import dataclasses
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -13,14 +13,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from jaxsat.control.fine import Aid
 from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
-from jaxsat.control.oscillatory import Slow
+from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.core.array_types import BoolScalar, Pair, RealScalar
 from jaxsat.core.checks import as_array, as_float
 from jaxsat.spacecraft.least_propellant import LeastPropellant
-
-if TYPE_CHECKING:
-    from jaxsat.control.supervisor import ThreeSlewSettling
 
 PRIOR_LEAK = 0.03
 """Standard deviation of a leak, over the torque of a thruster."""
@@ -33,25 +31,6 @@ SURE_LEAK, SURE_SIGMAS = 1e-3, 4.0
 
 LEAST_PUSH = 20.0
 """Smallest usable acceleration about n, relative to that of a hold's oscillation."""
-
-USED = 0.5
-"""Share of the possible acceleration that the control of the turn demands."""
-
-CONTROLLED_TURN = 0.04
-"""Turn, rad, at which it demands that share."""
-
-
-class Aid(NamedTuple):
-    """Effect of thrusters about n beside the two torques.
-
-    `thrust` (rad/s) is the thrusters' action in the last period, for the fit of leaks. `drift`
-    (rad/s²) is the mean acceleration by the leaks of the torques in the plane, and `push` (rad/s²)
-    the possible acceleration towards -n and n.
-    """
-
-    thrust: Float[Array, " k"]
-    drift: RealScalar
-    push: Pair
 
 
 class LeakMemory(NamedTuple):
@@ -90,7 +69,7 @@ class Leaks(eqx.Module):
 
     @staticmethod
     def of(
-        law: "ThreeSlewSettling",
+        law: ThreeSlewSettling,
         torque: Float[np.ndarray, "3 m"],
         failed: tuple[int, ...],
         pulse: Float[np.ndarray, " m"],
@@ -207,15 +186,3 @@ class Leaks(eqx.Module):
         return jnp.minimum(duty + part * extra, 1.0), memory._replace(
             owed=owed, drift=memory.drift + share * (leaking - memory.drift)
         )
-
-
-def wanted_push(slow: Slow, drift: RealScalar, push: Pair) -> RealScalar:
-    """The acceleration (rad/s²) about n that the control of the turn demands.
-
-    Critically damped, with compensation of `drift` (rad/s²); with one sign alone no more than that.
-    """
-    least = jnp.min(push)
-    square = USED * least / CONTROLLED_TURN
-    acceleration = -square * slow.turn - 2 * jnp.sqrt(square) * slow.rate
-    acceleration = jnp.where(least > 0, acceleration, 0.0)
-    return jnp.clip(acceleration - drift, -push[0], push[1])

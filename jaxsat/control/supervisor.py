@@ -9,9 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
-from jaxsat.control.fine import FineMemory, FineMode, FineStage
+from jaxsat.control.fine import Aid, FineMemory, FineMode, FineStage, wanted_push
 from jaxsat.control.finite_time_rate import FiniteTimeRate, Signs
-from jaxsat.control.leaks import Aid, wanted_push
 from jaxsat.control.normal_form import NormalForm, NormalState, clipped, tilt_of
 from jaxsat.control.oscillatory import Slow, turned
 from jaxsat.control.sampled import AbstractSampledController

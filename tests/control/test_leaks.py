@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from jaxsat.control.leaks import LeakMemory, Leaks, wanted_push
+from jaxsat.control.fine import wanted_push
+from jaxsat.control.leaks import LeakMemory, Leaks
 from jaxsat.control.least_squares import Fit
 from jaxsat.control.oscillatory import Slow
 from jaxsat.core.trees import Symmetric

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from jaxsat.control.navigation.estimator import Estimate, Measurement, rotation
 from jaxsat.control.navigation.innovation import InnovationRecord, InnovationTest
 from jaxsat.control.navigation.kalman_filter import AbstractKalmanFilter, corrected, turned
-from jaxsat.control.navigation.motion import Motion
+from jaxsat.control.navigation.motion import MotionBelief
 from jaxsat.core.array_types import IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion, skew
 from jaxsat.core.checks import as_optional_float, not_negative
@@ -42,7 +42,7 @@ class DynamicsMemory(NamedTuple):
     of the innovation test, None without one.
     """
 
-    belief: Motion
+    belief: MotionBelief
     momenta: Float[Array, "samples 3"]
     torques: Float[Array, "samples 3"]
     rates: SensorReading | None = None
@@ -94,7 +94,7 @@ class DynamicsFilter(AbstractKalmanFilter):
         if self.momentum_noise is not None:
             variances, excess = jnp.concatenate([variances, 0 * ones]), zero
         omega = self.body.orbit.frame_rate(attitude)
-        motion = Motion(attitude.q, omega, zero, jnp.diag(variances), bias, excess)
+        motion = MotionBelief(attitude.q, omega, zero, jnp.diag(variances), bias, excess)
         record = self.first_record(zero, gyro=self.gyro is not None)
         return DynamicsMemory(motion, inputs, inputs, rates, record)
 
@@ -114,7 +114,7 @@ class DynamicsFilter(AbstractKalmanFilter):
         rates = self._rates(measurement, memory.rates)
         first = sample - self.latency - 1
 
-        def moved(number, belief: Motion) -> Motion:
+        def moved(number, belief: MotionBelief) -> MotionBelief:
             """The motion after the turn that begins at sample `first + number`."""
             begin = first + number
             length = jnp.where(begin >= 0, period, 0.0)  # no turn before the run
@@ -122,7 +122,7 @@ class DynamicsFilter(AbstractKalmanFilter):
             time = jnp.asarray(begin, period.dtype) * period
             return apart(_moved, self, belief, *inputs, length, time)
 
-        def gauged(number, belief: Motion, record: InnovationRecord | None):
+        def gauged(number, belief: MotionBelief, record: InnovationRecord | None):
             """The motion after the gyro's reading at sample `first + number`, and the record."""
             if rates is None:
                 return belief, record
@@ -161,11 +161,11 @@ class DynamicsFilter(AbstractKalmanFilter):
 
     def gauged(
         self,
-        belief: Motion,
+        belief: MotionBelief,
         reading: SensorReading,
         record: InnovationRecord | None,
         period: RealScalar,
-    ) -> tuple[Motion, InnovationRecord | None]:
+    ) -> tuple[MotionBelief, InnovationRecord | None]:
         """The motion after a reading of the gyro (rad/s), and the record."""
         assert self.gyro is not None
         assert belief.bias is not None
@@ -177,13 +177,13 @@ class DynamicsFilter(AbstractKalmanFilter):
 
     def moved(
         self,
-        belief: Motion,
+        belief: MotionBelief,
         begin: Vector,
         end: Vector,
         torque: Vector,
         length: RealScalar,
         time: RealScalar,
-    ) -> Motion:
+    ) -> MotionBelief:
         """The motion one sample later.
 
         `begin` and `end` are the momenta (N m s) measured at both samples, `torque` (N m) is the
@@ -205,7 +205,7 @@ class DynamicsFilter(AbstractKalmanFilter):
         omega = inverse @ (middle + half * torque - end)
         covariance = self._covariance(belief.covariance, a, middle, length)
         q = turned(belief.q, turn, half, self.body.orbit)
-        return Motion(q, omega, belief.torque, covariance, belief.bias, excess)
+        return MotionBelief(q, omega, belief.torque, covariance, belief.bias, excess)
 
     def _angle(
         self, omega: Vector, begin: Vector, end: Vector, torque: Vector, length: RealScalar
@@ -273,20 +273,20 @@ AXES = (range(3), range(3, 6), range(9, 12))
 """Rows of the covariance of attitude, rate, and bias with a gyro."""
 
 RATE_AND_BIAS = (1, 3)
-"""Errors, in the order of those of `Motion`, of which a gyro measures the sum."""
+"""Errors, in the order of those of `MotionBelief`, of which a gyro measures the sum."""
 
 
 @eqx.filter_jit
-def _moved(estimator: DynamicsFilter, belief: Motion, *arguments: Array) -> Motion:
+def _moved(estimator: DynamicsFilter, belief: MotionBelief, *arguments: Array) -> MotionBelief:
     return estimator.moved(belief, *arguments)
 
 
 @eqx.filter_jit
 def _gauged(
     estimator: DynamicsFilter,
-    belief: Motion,
+    belief: MotionBelief,
     reading: SensorReading,
     record: InnovationRecord | None,
     period: RealScalar,
-) -> tuple[Motion, InnovationRecord | None]:
+) -> tuple[MotionBelief, InnovationRecord | None]:
     return estimator.gauged(belief, reading, record, period)

@@ -17,7 +17,7 @@ from jaxsat.spacecraft.environment.orbit import AbstractOrbit
 from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
 
 
-class Belief(NamedTuple):
+class AttitudeBelief(NamedTuple):
     """Attitude and gyro bias at one sample with the covariances of their errors.
 
     With the true attitude q ⊗ (1, δ/2) and the true bias b + β: `attitude` is E δδᵀ (rad²), `cross`
@@ -35,7 +35,7 @@ class Belief(NamedTuple):
 
     def narrowed(
         self, axis: Vector, variance: RealScalar, valid: BoolScalar
-    ) -> "tuple[Belief, Gains]":
+    ) -> "tuple[AttitudeBelief, Gains]":
         """The covariances after a measurement of δ along an axis with this variance (rad²)."""
         attitude, bias = self.attitude @ axis, axis @ self.cross
         scale = jnp.where(valid, 1 / (axis @ attitude + variance), 0.0)
@@ -49,7 +49,7 @@ class Belief(NamedTuple):
         )
         return narrowed, Gains((attitude, bias), scale)
 
-    def shifted(self, attitude: Vector, bias: Vector) -> "Belief":
+    def shifted(self, attitude: Vector, bias: Vector) -> "AttitudeBelief":
         """The belief turned by a small rotation (rad), with a change of the bias (rad/s)."""
         return self._replace(q=Quaternion(self.q).turned(attitude).q, b=self.b + bias)
 
@@ -60,7 +60,7 @@ class KalmanMemory(NamedTuple):
     `record` is that of the innovation test, None without one.
     """
 
-    belief: Belief
+    belief: AttitudeBelief
     rates: Float[Array, "samples 3"]
     record: InnovationRecord | None = None
 
@@ -100,7 +100,7 @@ class MultiplicativeFilter(AbstractKalmanFilter):
         identity = jnp.eye(3, dtype=attitude.q.dtype)
         zero = jnp.zeros_like(identity)
         bias = identity * (self.gyro.bias_sigma**2 + self.gyro.bias**2)[:, None]
-        belief = Belief(attitude.q, zero[0], sigma**2 * identity, zero, bias, zero, zero)
+        belief = AttitudeBelief(attitude.q, zero[0], sigma**2 * identity, zero, bias, zero, zero)
         rates = jnp.zeros((self.latency + 1, 3), zero.dtype)
         return KalmanMemory(belief, rates, self.first_record(zero))
 
@@ -112,7 +112,7 @@ class MultiplicativeFilter(AbstractKalmanFilter):
         rates = jnp.concatenate([memory.rates, measurement.rate[None]])
         first = sample - self.latency - 1
 
-        def moved(number, belief: Belief) -> Belief:
+        def moved(number, belief: AttitudeBelief) -> AttitudeBelief:
             """The belief after the turn that begins at sample `first + number`."""
             length = jnp.where(first + number >= 0, period, 0.0)  # no turn before the run
             arguments = (rates[number], rates[number + 1], length, period)
@@ -127,8 +127,13 @@ class MultiplicativeFilter(AbstractKalmanFilter):
         return self.with_test(estimate, record), KalmanMemory(belief, rates[1:], record)
 
     def moved(
-        self, belief: Belief, begin: Vector, end: Vector, length: RealScalar, period: RealScalar
-    ) -> Belief:
+        self,
+        belief: AttitudeBelief,
+        begin: Vector,
+        end: Vector,
+        length: RealScalar,
+        period: RealScalar,
+    ) -> AttitudeBelief:
         """The belief one sample later, for the rates measured at both samples (rad/s).
 
         `length` (s) is the time between them. With h half of it, A the turn of the body axes and
@@ -147,7 +152,7 @@ class MultiplicativeFilter(AbstractKalmanFilter):
         with_noise = a @ (belief.attitude_noise - half * before) - g @ belief.bias_noise
         attitude = (with_attitude - half * with_noise) @ a.T - with_bias @ g.T
         attitude = (attitude + attitude.T) / 2 + half**2 * (walk + after)
-        return Belief(
+        return AttitudeBelief(
             turned(belief.q, turn, half, self.orbit),
             belief.b,
             attitude,
@@ -162,7 +167,7 @@ class MultiplicativeFilter(AbstractKalmanFilter):
         within_limit = jnp.abs(rate) < self.gyro.limit
         return jnp.where(within_limit, self.gyro.rate_variance(period), self.gyro.limit**2)
 
-    def _estimate(self, belief: Belief, rate, period) -> Estimate:
+    def _estimate(self, belief: AttitudeBelief, rate, period) -> Estimate:
         of_bias = _diagonal(belief.bias)
         of_rate = of_bias + self._variance(rate, period) + 2 * _diagonal(belief.bias_noise)
         deviations = map(jnp.sqrt, (_diagonal(belief.attitude), of_rate, of_bias))
@@ -170,7 +175,9 @@ class MultiplicativeFilter(AbstractKalmanFilter):
 
 
 @eqx.filter_jit
-def _moved(estimator: MultiplicativeFilter, belief: Belief, *arguments: Array) -> Belief:
+def _moved(
+    estimator: MultiplicativeFilter, belief: AttitudeBelief, *arguments: Array
+) -> AttitudeBelief:
     return estimator.moved(belief, *arguments)
 
 

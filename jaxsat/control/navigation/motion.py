@@ -10,7 +10,7 @@ from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
 
 
-class Motion(NamedTuple):
+class MotionBelief(NamedTuple):
     """Attitude, rate (rad/s), unknown torque (N m), gyro bias (rad/s) and the error of the momentum
     measured at this sample (N m s, body axes), with the covariance of their errors.
 
@@ -28,7 +28,7 @@ class Motion(NamedTuple):
 
     def narrowed(
         self, axis: Vector, variance: RealScalar, valid: BoolScalar, *errors: int
-    ) -> tuple["Motion", Gains]:
+    ) -> tuple["MotionBelief", Gains]:
         """The covariance after a measurement of the sum of `errors`, by default of δ, along an axis
         with this variance."""
         parts = [slice(3 * one, 3 * one + 3) for one in errors or (0,)]
@@ -40,9 +40,13 @@ class Motion(NamedTuple):
         covariance = self.covariance - scale * column[:, None] * column[None, :]
         return self._replace(covariance=covariance), Gains(gains, scale)
 
-    def shifted(self, attitude: Vector, omega: Vector, torque: Vector, *more: Vector) -> "Motion":
+    def shifted(
+        self, attitude: Vector, omega: Vector, torque: Vector, *more: Vector
+    ) -> "MotionBelief":
         """The motion turned by a small rotation (rad), with changes of the rest in its order."""
         q, left = Quaternion(self.q).turned(attitude).q, iter(more)
         bias = None if self.bias is None else self.bias + next(left)
         excess = None if self.excess is None else self.excess + next(left)
-        return Motion(q, self.omega + omega, self.torque + torque, self.covariance, bias, excess)
+        return MotionBelief(
+            q, self.omega + omega, self.torque + torque, self.covariance, bias, excess
+        )

@@ -25,7 +25,7 @@ from control.navigation.test_vectors import magnetometer, sun_sensor
 from jaxsat.control.navigation.dynamics_filter import DynamicsFilter, TorqueModel
 from jaxsat.control.navigation.estimator import Measurement
 from jaxsat.control.navigation.innovation import InnovationTest
-from jaxsat.control.navigation.motion import Motion
+from jaxsat.control.navigation.motion import MotionBelief
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.sensor import SensorFailureKind
 from jaxsat.spacecraft.dynamics import RigidBody
@@ -208,7 +208,9 @@ def test_its_covariance_moves_as_differences_of_the_motion():
     h = axes @ start[2]
     for number in range(6):
         covariance = jnp.zeros((9, 9)).at[3 + number, 3 + number].set(1.0)
-        belief = Motion(jnp.array([1.0, 0, 0, 0]), jnp.array(start[0]), jnp.zeros(3), covariance)
+        belief = MotionBelief(
+            jnp.array([1.0, 0, 0, 0]), jnp.array(start[0]), jnp.zeros(3), covariance
+        )
         inputs = (h, h + length * axes @ spin_up, push, length, 0.0)
         found = estimator.moved(belief, *map(jnp.asarray, inputs)).covariance[:6, :6]
         column = expected[:, number]
