@@ -30,6 +30,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.core.array_types import Matrix, RealScalar, Vector
+from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.failures import AbstractFailureKind
 from jaxsat.spacecraft.dispersible import Dispersible
 from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, AbstractPlace
@@ -193,11 +194,19 @@ class AbstractEffector(AbstractHeldEffector):
 
     def blow(self, state: PyTree, struck: Bool[Array, " f"]) -> Effect:
         """Return the impulse on the body at the instant when these failures strike."""
-        return Effect(jnp.zeros(3))
+        return Effect(jnp.zeros(3), self.free_inertia())
 
     def blown(self, state: PyTree, struck: Bool[Array, " f"], change: Vector) -> PyTree:
-        """Return the state after a blow that changed the body's ω by `change` (rad/s)."""
-        return state
+        """Return the state after a blow that changed the body's ω by `change` (rad/s).
+
+        By default it changes as `derivative` does with dω/dt, which is linear in it.
+        """
+        if self.free_inertia() is None:
+            return state
+        piece = self.piece(self.mode(state), self.idle())
+        plant = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), jnp.zeros(3))
+        after, before = (self.derivative(piece, plant, state, x) for x in (change, 0 * change))
+        return jax.tree.map(lambda x, a, b: x + (a - b), state, after, before)
 
     @abc.abstractmethod
     def driven(

@@ -1,6 +1,7 @@
 """Flexible modes: against Lagrange's equations in SciPy, closed forms, energy and momentum."""
 
 import diffrax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import sympy
@@ -9,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from jaxsat.control.controller import Coast
 from jaxsat.core.attitude import Quaternion
+from jaxsat.core.declaration.wheels import WheelFailureKind
 from jaxsat.simulation.engine.single import simulate
 from jaxsat.simulation.loops import ContinuousLoop
 from jaxsat.simulation.methods import adaptive
@@ -17,6 +19,8 @@ from jaxsat.spacecraft.environment.orbit import ExactOrbit
 from jaxsat.spacecraft.flexible_modes import FlexibleModes, ModeStates
 from jaxsat.spacecraft.spacecraft import Spacecraft
 from jaxsat.spacecraft.steering import Steered
+from jaxsat.spacecraft.wheel_failures import WheelFailures
+from jaxsat.spacecraft.wheels import WheelMomenta, Wheels, wheel_momentum
 
 INERTIA = np.array([[50.0, 2.0, -1.0], [2.0, 60.0, 3.0], [-1.0, 3.0, 40.0]])
 COUPLINGS = np.array([[3.0, 0.5], [-1.0, 2.0], [0.5, 3.5]])
@@ -148,3 +152,35 @@ def test_more_than_the_body_is_refused():
             ExactOrbit(0.0),
             effectors=(FlexibleModes(COUPLINGS, SIZES, FREQUENCY),),
         )
+
+
+def test_a_wheel_that_seizes_excites_the_modes():
+    """Impulses between the bodies leave ∂T/∂ω, ∂T/∂η' and ∂T/∂Ω of the other wheel as they were.
+
+    T = ωᵀJω/2 + Σ η' d·ω + Σ η'²/2 + Σ J_w Ω a·ω + Σ J_w Ω²/2, in which the first wheel seizes.
+    """
+    axes, rotors = np.array([[0.6, 0.0], [0.0, 1.0], [0.8, 0.0]]), np.array([0.8, 0.5])
+    momenta, rates = np.array([4.0, -2.0]), np.array([0.01, -0.03])
+    failures = WheelFailures([0], [5.0], [WheelFailureKind.STOPPED], [0.0])
+    wheels = Wheels(axes, rotor_inertia=rotors, failures=failures)
+    modes = FlexibleModes(COUPLINGS, SIZES, FREQUENCY, DAMPING)
+    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(modes, wheels))
+    own = (ModeStates(ANGLES, rates), WheelMomenta(momenta))
+    start = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA, own)
+
+    mass = np.eye(7)
+    mass[:3, :3], mass[:3, 3:5], mass[:3, 5:] = INERTIA, COUPLINGS, axes * rotors
+    mass[5:, 5:] = np.diag(rotors)
+    mass = np.triu(mass) + np.triu(mass, 1).T
+    before = np.array([*OMEGA, *(rates * SIZES), *(momenta / rotors)])
+    kept = [0, 1, 2, 3, 4, 6]  # all but the wheel that seizes
+    after = np.linalg.solve(mass[np.ix_(kept, kept)], (mass @ before)[kept])
+
+    for _ in range(2):  # a second time nothing changes
+        start = body.after_failures(start, (jnp.zeros(0, bool), jnp.array([True])))
+        np.testing.assert_allclose(start.omega, after[:3], rtol=1e-13)
+        left = start.find(ModeStates)
+        np.testing.assert_allclose(left.rate * SIZES, after[3:5], rtol=1e-13)
+        np.testing.assert_array_equal(left.angle, ANGLES)
+        momentum = wheel_momentum(start)
+        np.testing.assert_allclose(momentum, [0.0, after[5] * rotors[1]], rtol=1e-13)
