@@ -150,16 +150,19 @@ def torques_left(
     """
     parts = list(zip(loop.plant.effectors, _reaches_left(loop, failures), strict=True))
     none = _Reaches.of(Reach.none(), len(failures["failure_kind"]))
-    levels = [_levels(none), *(_levels(each) for one, each in parts if one.even)]
+    levels = [_levels(none), *(_levels(each) for one, each in parts if _pushes(one))]
     torques, low, high = (np.concatenate(each, axis=-1) for each in zip(*levels, strict=True))
     exchangers = [each for one in parts if (each := _Exchanger.of(loop, *one)) is not None]
     rods = _rods_left(loop, parts, failures)
     tolerance = np.inf if hold is None else hold.angle
+    strengths = np.ones(low.shape)  # the thrusters come first
+    if gain is not None:
+        strengths[:, : gain.shape[1]] += gain
     codes_by_key: dict[bytes, tuple[int, np.ndarray | None]] = {}
     codes = np.zeros(len(low), int)
     for case in range(len(low)):
         steady = bool(np.any((low[case] > 0) | (high[case] < 0)))
-        strength = 1.0 if gain is None or not steady else 1 + gain[case]
+        strength = strengths[case] if steady else 1.0
         one = ThrustersLeft(strength * torques[case], low[case], high[case])
         least = SAME_TORQUE * np.abs(one.torques).max(initial=0.0)
         if torque_reserve(*one) > least > 0:
@@ -181,6 +184,11 @@ def torques_left(
             code = TorquesLeft.UNHELD_MOMENTUM if load > 1 - LEAST_HOLD else code
         codes[case] = code
     return codes
+
+
+def _pushes(one: AbstractEffector) -> bool:
+    """Whether an effector makes torques as thrusters do, not by stored momentum or a dipole."""
+    return bool(one.command_size) and one.storage() is None and one.dipoles() is None
 
 
 def _rods_left(
@@ -350,7 +358,7 @@ def _judge(
     if judgement.verdict == "borderline":
         return TorquesLeft.NOT_DECIDED, None
     # Thrusters have changed the momentum before, by what only the flight tells.
-    pushed = any(one.even for one in loop.plant.effectors)
+    pushed = any(map(_pushes, loop.plant.effectors))
     if judgement.laws == "nearest attitude" or (judgement.laws == "two wheels" and pushed):
         code = TorquesLeft.SOME_ATTITUDES
     elif judgement.laws == "two torques" and not _flies_planes(loop):

@@ -1,5 +1,8 @@
 """What failed wheels leave in each case of a study, and what of it no law can settle."""
 
+import dataclasses
+
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -8,6 +11,8 @@ from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
+from jaxsat.spacecraft.effector import AbstractEffector, Effect, Reach
+from jaxsat.spacecraft.flexible_modes import FlexibleModes
 from jaxsat.studies.failure_codes import DIAGNOSED, FAILURES, HYPOTHESES
 from jaxsat.studies.momentum_left import SLOW, Held
 from jaxsat.studies.torques_left import TorquesLeft, torques_left
@@ -51,6 +56,49 @@ def three():
 )
 def test_what_four_wheels_leave(four, failures, expected):
     assert left(four, *failures) == expected
+
+
+class Vanes(AbstractEffector):
+    """Devices of another package, whose torque is neither even in a hold nor stored."""
+
+    kind = "vane"
+    columns: jnp.ndarray
+    failures: None = None
+
+    @property
+    def count(self):
+        return self.columns.shape[1]
+
+    def driven(self, state, command, struck):
+        return self, command
+
+    def reach(self, t, plant, state, struck, span):
+        return Reach(self.columns, -jnp.ones(self.count), jnp.ones(self.count))
+
+    def piece(self, mode, command):
+        return command
+
+    def effect(self, piece, t, plant, state):
+        return Effect(self.columns @ piece)
+
+
+def carrying(loop, *effectors):
+    return dataclasses.replace(loop, plant=loop.plant.with_effectors(effectors))
+
+
+def test_torques_of_devices_of_another_package_count(four):
+    wheels, vanes = four.plant.effectors[0], Vanes(jnp.eye(3))
+    assert left(carrying(four, vanes)) == TorquesLeft.THREE_AXES
+    assert left(carrying(four, Vanes(jnp.eye(3)[:, :1]))) == TorquesLeft.TOO_FEW
+    dead = [(number, "dead", np.nan) for number in range(4)]
+    assert left(carrying(four, wheels, vanes), *dead) == TorquesLeft.THREE_AXES
+
+
+def test_flexible_modes_are_no_thrusters(four):
+    modes = FlexibleModes([[1.0], [0.0], [0.0]], 0.1, 1.0)
+    two_dead = [(0, "dead", np.nan), (1, "stopped", np.nan)]
+    loop = carrying(four, *four.plant.effectors, modes)
+    assert left(loop, *two_dead) == TorquesLeft.TWO_TORQUES
 
 
 def test_a_wheel_that_had_failed_before_is_not_counted(three):
