@@ -80,7 +80,7 @@ class Builder:
             self.block.steps.append(ir.Operation(name, args, value))
             self._note(value)
             self.written += 1
-            self.block.known[key] = value
+            self.block.values[key] = value
             if name == "neg":
                 self._negated[value.number] = args[0]
             if name == "mul" and self.compact:
@@ -166,7 +166,7 @@ class Builder:
             if memory.initial is not None and memory.dtype.kind in "iu":
                 self.ranges.note(value, int(memory.initial.min()), int(memory.initial.max()))
             self._note(value)
-            self.block.known[key] = value
+            self.block.values[key] = value
         return value
 
     def store(self, memory: ir.Memory, index: ir.Scalar, value: ir.Scalar) -> None:
@@ -330,7 +330,7 @@ class Builder:
             if limits is not None:
                 self.ranges.note(out, *limits)
         self._note(*outs)
-        self.block.known[key] = outs  # pyright: ignore[reportArgumentType]
+        self.block.values[key] = outs  # pyright: ignore[reportArgumentType]
         return list(outs)
 
     def cut(self, jaxpr: Any) -> Any:
@@ -368,7 +368,7 @@ class Builder:
                 dear.append(number)
                 continue
             self.block.steps += block.steps
-            self.block.known |= block.known
+            self.block.values |= block.values
             if values is None:
                 values = list(results)
             else:

@@ -119,19 +119,19 @@ class Block:
     `outcomes` are those of predicates, by number, whenever the block runs.
     """
 
-    __slots__ = ("known", "outcomes", "outer", "steps")
+    __slots__ = ("outcomes", "outer", "steps", "values")
 
     def __init__(self, outer: "Block | None" = None):
         self.steps: list[Step] = []
         self.outer = outer
-        self.known: dict[tuple, Scalar] = {}
+        self.values: dict[tuple, Scalar] = {}
         self.outcomes: dict[int, bool] = {}
 
     def find(self, key: tuple) -> Any:
         """Value recorded under `key` in this block or one around it, or None."""
         block: Block | None = self
         while block is not None:
-            value = block.known.get(key)
+            value = block.values.get(key)
             if value is not None:
                 return value
             block = block.outer
@@ -141,9 +141,9 @@ class Block:
         """Return the outcome of a predicate that this block or one around it knows, else `x`."""
         block: Block | None = self
         while block is not None and isinstance(x, Value):
-            known = block.outcomes.get(x.number)
-            if known is not None:
-                return np.bool_(known)
+            outcome = block.outcomes.get(x.number)
+            if outcome is not None:
+                return np.bool_(outcome)
             block = block.outer
         return x
 
@@ -253,14 +253,14 @@ def blocks_in(step: Step) -> Sequence[Block]:
     return ()
 
 
-Known = dict[tuple[str, int], tuple[Any, set]]
+Memo = dict[tuple[str, int], tuple[Any, set]]
 """Memo of a pass, by the identity of a step or function: this, and what it reads or touches."""
 
 
-def uses(step: Step, known: Known | None = None) -> Iterable[int]:
+def uses(step: Step, memo: Memo | None = None) -> Iterable[int]:
     """Numbers of the values from outside a step that it reads.
 
-    Loops and switches that are `known` are not searched again.
+    Loops and switches in `memo` are not searched again.
     """
     match step:
         case Operation(args=args) | Call(args=args):
@@ -269,32 +269,32 @@ def uses(step: Step, known: Known | None = None) -> Iterable[int]:
             return numbers_of([index, *memory.elements])
         case Store(index=index, value=value):
             return numbers_of([index, value])
-    known = {} if known is None else known
+    memo = {} if memo is None else memo
     key = ("uses", id(step))
-    if key not in known:
-        known[key] = (step, _uses_inside(step, known))
-    return known[key][1]
+    if key not in memo:
+        memo[key] = (step, _uses_inside(step, memo))
+    return memo[key][1]
 
 
-def _uses_inside(step: "Loop | BlockSwitch", known: Known) -> set[int]:
+def _uses_inside(step: "Loop | BlockSwitch", memo: Memo) -> set[int]:
     match step:
         case BlockSwitch():
             used = set(numbers_of([step.index]))
             for block, results in zip(step.blocks, step.yields, strict=True):
-                used |= _uses_in(block, results, known)
+                used |= _uses_in(block, results, memo)
             return used
         case Loop():
-            used = _uses_in(step.condition, [step.active], known)
-            used |= _uses_in(step.body, step.after, known)
+            used = _uses_in(step.condition, [step.active], memo)
+            used |= _uses_in(step.body, step.after, memo)
             used.difference_update(param.number for param in step.params)
             used.difference_update(_defined_in(step.condition))
             return used.union(numbers_of(step.before))
 
 
-def _uses_in(block: Block, results: Iterable[Scalar], known: Known) -> set[int]:
+def _uses_in(block: Block, results: Iterable[Scalar], memo: Memo) -> set[int]:
     used = set(numbers_of(results))
     for step in block.steps:
-        used.update(uses(step, known))
+        used.update(uses(step, memo))
     return used.difference(_defined_in(block))
 
 
@@ -326,10 +326,10 @@ def is_uniform(x: Scalar) -> bool:
     return x.uniform if isinstance(x, Value) else True
 
 
-def memories(step: Step, known: Known | None = None) -> set[Memory]:
+def memories(step: Step, memo: Memo | None = None) -> set[Memory]:
     """Writable memories that a step reads or writes.
 
-    Functions, loops and switches that are `known` are not searched again.
+    Functions, loops and switches in `memo` are not searched again.
     """
     match step:
         case Operation():
@@ -340,9 +340,9 @@ def memories(step: Step, known: Known | None = None) -> set[Memory]:
             whole, blocks = function, [function.block]
         case _:
             whole, blocks = step, blocks_in(step)
-    known = {} if known is None else known
+    memo = {} if memo is None else memo
     key = ("memories", id(whole))
-    if key not in known:
-        inside = [memories(one, known) for block in blocks for one in block.steps]
-        known[key] = (whole, set().union(*inside))
-    return known[key][1]
+    if key not in memo:
+        inside = [memories(one, memo) for block in blocks for one in block.steps]
+        memo[key] = (whole, set().union(*inside))
+    return memo[key][1]

@@ -92,20 +92,20 @@ class DrivenFit(eqx.Module):
     ) -> DrivenMemory:
         """The memory after one more sample, `period` (s) after the last."""
         omega = self.form.slow(self.form.axes @ state.omega)
-        begun, middle = memory.samples >= 0, (memory.omega + omega) / 2
+        runs, middle = memory.samples >= 0, (memory.omega + omega) / 2
         turning = self.form.gyroscopic_torque
         model_torque = (turning(memory.omega) + 4 * turning(middle) + turning(omega)) / 6
         model_torque = model_torque + self.form.axes[:2] @ self.form.model.disturbance_torque(
             t - period / 2, state
         )
-        pushed = self._by_inertia(memory.torque) * period
+        by_torque = self._by_inertia(memory.torque) * period
         products = integrated_products(memory.omega, omega, period)
-        expected = memory.expected + pushed + self._by_inertia(model_torque) * period
-        regressor = memory.regressor + jnp.concatenate([pushed, products])
+        expected = memory.expected + by_torque + self._by_inertia(model_torque) * period
+        regressor = memory.regressor + jnp.concatenate([by_torque, products])
         memory = memory._replace(
-            first=jnp.where(begun, memory.first, omega[:2]),
-            expected=jnp.where(begun, expected, 0.0),
-            regressor=jnp.where(begun, regressor, 0.0),
+            first=jnp.where(runs, memory.first, omega[:2]),
+            expected=jnp.where(runs, expected, 0.0),
+            regressor=jnp.where(runs, regressor, 0.0),
             omega=omega,
             samples=memory.samples + 1,
         )

@@ -153,8 +153,8 @@ class FineStage(eqx.Module):
         excess = state.omega - third.rest
         coast, hold, own_aim = None, memory.hold, self.handover.aimed_turn
         if hold is not None:
-            aimed = AIMED_TURN if own_aim is None else own_aim
-            coast = UnbalancedDrift.of(hold, clock, self.oscillator.frequency, lasting, sure, aimed)
+            turn = AIMED_TURN if own_aim is None else own_aim
+            coast = UnbalancedDrift.of(hold, clock, self.oscillator.frequency, lasting, sure, turn)
         late = self.handover(
             memory.late, tilt, slow, excess, deceleration, third.turn[2], coast, clock
         )

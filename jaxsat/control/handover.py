@@ -55,13 +55,13 @@ class UnbalancedDrift(NamedTuple):
     """The part of the drift that the end game cannot balance, and whether to judge a hold now.
 
     The end game balances a drift up to `sure`; the rest, `drift` (rad/s²), is zero for a smaller
-    one, and until the drift is known. `aimed` is A (rad).
+    one, and until the drift is known. `aim_turn` is A (rad).
     """
 
     drift: RealScalar
     sure: RealScalar
     judged: BoolScalar
-    aimed: RealScalar | float
+    aim_turn: RealScalar | float
 
     @staticmethod
     def of(
@@ -70,7 +70,7 @@ class UnbalancedDrift(NamedTuple):
         frequency: RealScalar,
         drift: RealScalar,
         sure: RealScalar,
-        aimed: RealScalar | float = AIMED_TURN,
+        aim_turn: RealScalar | float = AIMED_TURN,
     ) -> "UnbalancedDrift":
         """The coast for a `drift` (rad/s²) of which `sure` is balanced.
 
@@ -78,7 +78,7 @@ class UnbalancedDrift(NamedTuple):
         """
         old = (clock - hold.begin) * frequency > KNOWN_PERIODS * 2 * jnp.pi
         beyond = jnp.where(hold.known | old, drift - jnp.clip(drift, -sure, sure), 0.0)
-        return UnbalancedDrift(beyond, sure, old & ~hold.known, aimed)
+        return UnbalancedDrift(beyond, sure, old & ~hold.known, aim_turn)
 
     @property
     def drifts(self) -> BoolScalar:
@@ -87,7 +87,7 @@ class UnbalancedDrift(NamedTuple):
 
     def aim(self, turn: RealScalar) -> RealScalar:
         """The slow rate (rad/s) with which a hold should begin at a `turn` (rad)."""
-        way = jnp.maximum(self.aimed + jnp.sign(self.drift) * turn, 0.0)
+        way = jnp.maximum(self.aim_turn + jnp.sign(self.drift) * turn, 0.0)
         return -jnp.sign(self.drift) * jnp.sqrt(2 * jnp.abs(self.drift) * way + TINY)
 
     def lasts(
@@ -189,29 +189,29 @@ class Handover(eqx.Module):
         slow: Slow,
         excess: Vector,
         deceleration: RealScalar,
-        held: RealScalar,
+        held_turn: RealScalar,
         coast: UnbalancedDrift | None = None,
         clock: RealScalar | float = 0.0,
     ) -> BoolScalar:
         """Whether the end game is active now, from whether it was (`late`).
 
         `excess` is (p1, p2, s) less its value at rest (rad/s), `deceleration` the end game's
-        largest deceleration of the slow rate (rad/s²), `held` the turn about n from the target
-        attitude to the held one (rad), from which the slow turn is measured, and `clock` the time
-        since the stage began (s).
+        largest deceleration of the slow rate (rad/s²), `held_turn` the turn about n from the
+        target attitude to the held one (rad), from which the slow turn is measured, and `clock` the
+        time since the stage began (s).
         """
-        begun = lasting = slow
+        first = lasting = slow
         if self.slack is not None:
-            begun, lasting = self.slack.to_enter(slow), self.slack.to_stay(slow, clock)
-        from_held, from_wanted = _farthest(begun, held, deceleration)
-        leave = _farthest(lasting, held, deceleration)[1] > self.leave_turn
-        error = Slow(slow.rate, slow.turn + held)
+            first, lasting = self.slack.to_enter(slow), self.slack.to_stay(slow, clock)
+        from_held, from_wanted = _farthest(first, held_turn, deceleration)
+        leave = _farthest(lasting, held_turn, deceleration)[1] > self.leave_turn
+        error = Slow(slow.rate, slow.turn + held_turn)
         if coast is not None:
             short = jnp.where(coast.drifts, ~coast.lasts(error, self.leave_turn, ENOUGH), leave)
             leave = (jnp.abs(error.turn) > self.leave_turn) | (short & coast.judged)
             if self.leave_held is not None:
                 leave = leave | (~coast.drifts & (jnp.abs(slow.turn) > self.leave_held))
-            from_held, from_wanted = _farthest(slow, held, coast.deceleration(deceleration))
+            from_held, from_wanted = _farthest(slow, held_turn, coast.deceleration(deceleration))
             from_held = jnp.where(coast.drifts, 0.0, from_held)
         enter = (
             (tilt.size < self.enter_angle)
@@ -227,13 +227,13 @@ class Handover(eqx.Module):
 
 
 def _farthest(
-    slow: Slow, held: RealScalar, deceleration: RealScalar
+    slow: Slow, held_turn: RealScalar, deceleration: RealScalar
 ) -> tuple[RealScalar, RealScalar]:
     """The larger of the turn now and after stopping the slow rate, from the held attitude and from
     the target."""
     stopping = slow.rate * jnp.abs(slow.rate) / (2 * deceleration)
     from_held, from_wanted = (
         jnp.maximum(jnp.abs(turn), jnp.abs(turn + stopping))
-        for turn in (slow.turn, slow.turn + held)
+        for turn in (slow.turn, slow.turn + held_turn)
     )
     return from_held, from_wanted

@@ -136,8 +136,8 @@ class MagneticLaw(AbstractSampledController):
         momentum = np.asarray(self.steering.bias) + np.asarray(self.coasting)
         magnetic = MagneticContext(self.steering, momentum)
         inertia = np.asarray(self.model.spacecraft.inertia)
-        pulled = has_gravity_gradient(self.model.disturbance)
-        motion = magnetic_motion(inertia, magnetic, pulled, rods)
+        has_gradient = has_gravity_gradient(self.model.disturbance)
+        motion = magnetic_motion(inertia, magnetic, has_gradient, rods)
         return _left_in_an_orbit(motion, self.gain) < STAYS
 
     def init(self, state: PlantState) -> MagneticMemory:

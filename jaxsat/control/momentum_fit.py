@@ -82,8 +82,8 @@ class MomentumFit(eqx.Module):
         def corrected() -> MomentumMemory:
             return self._corrected(memory, into_body, omega, total, again)
 
-        waited = memory._replace(samples=memory.samples + 1)
-        return jax.lax.cond(due, corrected, lambda: waited)
+        later = memory._replace(samples=memory.samples + 1)
+        return jax.lax.cond(due, corrected, lambda: later)
 
     def _corrected(
         self,
@@ -103,11 +103,11 @@ class MomentumFit(eqx.Module):
             jnp.sum(basis * omega[None, None, :], axis=-1) @ into_body
         )  # of -Cᵀ E ω, a row each of E
         rows = jnp.concatenate([turned, jnp.eye(3)])
-        read = total / self.spacecraft.momentum_unit
+        reading = total / self.spacecraft.momentum_unit
         for number in range(3):
             row = rows[:, number]
             projected = jnp.sum(covariance * row[None, :], axis=1)
             gain = projected / (self.noise**2 + jnp.sum(row * projected))
-            estimate = estimate + gain * (read[number] - jnp.sum(row * estimate))
+            estimate = estimate + gain * (reading[number] - jnp.sum(row * estimate))
             covariance = covariance - gain[:, None] * projected[None, :]
         return MomentumMemory(estimate, Symmetric(covariance), jnp.zeros_like(memory.samples))

@@ -227,14 +227,14 @@ class OneTorque(AbstractSampledController):
         force = self.share * self.torque_limit
         unit = jnp.sqrt(force / frame.gamma)
         across = jnp.sqrt(x**2 + y**2 + SMALLEST * unit**2)
-        left = LEFT * self.rest_rate / frame.alpha
-        braking_room = jnp.maximum(x - left, 0.0)
-        held = HELD * self.torque_limit / (frame.gamma * across)
-        turn = jnp.minimum(self.turn_ratio * across, held)
-        brake = jnp.minimum(_cube_root(3 * force * braking_room / frame.gamma), held)
+        tolerance = LEFT * self.rest_rate / frame.alpha
+        braking_room = jnp.maximum(x - tolerance, 0.0)
+        most_held = HELD * self.torque_limit / (frame.gamma * across)
+        turn = jnp.minimum(self.turn_ratio * across, most_held)
+        brake = jnp.minimum(_cube_root(3 * force * braking_room / frame.gamma), most_held)
         brake = jnp.where(jnp.abs(y) < BRAKE_SIDE * x, brake, 0.0)
         most = jnp.maximum(turn, brake)
-        demand, sense = self._turning(frame, at, turn, brake, most, left, SMALLEST * unit)
+        demand, sense = self._turning(frame, at, turn, brake, most, tolerance, SMALLEST * unit)
         size = jnp.minimum(demand, most)
 
         ready = (x > 0) & (demand >= BRAKED * brake)
@@ -256,7 +256,7 @@ class OneTorque(AbstractSampledController):
         return Wanted(momentum, derivative, mode), spins
 
     def _turning(
-        self, frame: TorqueAxisFrame, at: Momenta, turn, brake, most, left, small
+        self, frame: TorqueAxisFrame, at: Momenta, turn, brake, most, tolerance, small
     ) -> tuple[RealScalar, RealScalar]:
         """|w| that decreases |y| as xᵖ, without a limit, and its sign.
 
@@ -268,9 +268,9 @@ class OneTorque(AbstractSampledController):
         sense = jnp.where((coupling >= 0) == (y >= 0), -1.0, 1.0)
         size = jnp.abs(coupling) / (self.exponent * frame.gamma * (jnp.abs(y) + small))
         turned = 0.6 * jnp.abs(frame.delta - frame.alpha) * x**2 / (frame.gamma * (brake + small))
-        passed = (brake > turn) & (jnp.abs(y) < PASSED * turned) & (jnp.abs(w) > FAST * most)
-        kept = (passed | (jnp.abs(y) < left)) & (w * sense < 0)
-        return jnp.where(kept, jnp.inf, size), jnp.where(kept, -sense, sense)
+        past_zero = (brake > turn) & (jnp.abs(y) < PASSED * turned) & (jnp.abs(w) > FAST * most)
+        keeps = (past_zero | (jnp.abs(y) < tolerance)) & (w * sense < 0)
+        return jnp.where(keeps, jnp.inf, size), jnp.where(keeps, -sense, sense)
 
 
 def _cube_root(value: RealScalar) -> RealScalar:

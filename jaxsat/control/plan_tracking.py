@@ -135,15 +135,15 @@ class PlanTracking(AbstractPlanLaw):
     ) -> tuple[Pair, PlanTrackingMemory]:
         """One sample of the law of three slews, and the torque along the plan while it lasts."""
         program = program_of(self.settling, 0.0, self.plan.torque.shape[0], None)
-        clock, passed = self.settling.clock(memory.settling), t - self.plan.begin
+        clock, elapsed = self.settling.clock(memory.settling), t - self.plan.begin
         prescribed = jnp.where(memory.follows, Phase.OSCILLATING, 0)
         torque, settling = self.settling.in_phase(state, memory.settling, prescribed)
-        due = passed > -self.period / 2
-        row, mean = self._now(passed)
+        due = elapsed > -self.period / 2
+        row, mean = self._now(elapsed)
         x = filtered(self.settling, program, state, settling)
-        target = self._target(program, passed, row)
+        target = self._target(program, elapsed, row)
         follows = memory.follows | (memory.waits & due)
-        follows = follows & due & (passed < self.plan.duration)
+        follows = follows & due & (elapsed < self.plan.duration)
         follows = follows & (error_angle(target, x) < self.largest_error)
         error = in_hemisphere_of(target, x) - target
         feedback = row.attitude_gain @ error[:4]
@@ -160,30 +160,30 @@ class PlanTracking(AbstractPlanLaw):
         settling = choose(memory.follows | follows, waiting, settling)
         return torque, PlanTrackingMemory(settling, follows, ~due)
 
-    def _now(self, passed: RealScalar) -> tuple[PlanRow, Pair]:
+    def _now(self, elapsed: RealScalar) -> tuple[PlanRow, Pair]:
         """The interval at a time (s) after the begin, and the mean torque (N m) of the period from
         then on, zero beyond the plan."""
         plan, count = self.plan, self.plan.torque.shape[0]
-        length, until = plan.duration / count, passed + self.period
+        length, until = plan.duration / count, elapsed + self.period
 
         def one(carry: tuple[PlanRow, Pair], row: PlanRow):
-            chosen, mean = carry
+            current, mean = carry
             begin, end = row.number * length, (row.number + 1) * length
-            overlap = jnp.clip(until, begin, end) - jnp.clip(passed, begin, end)
-            chosen = choose(passed >= begin, row, chosen)
-            return (chosen, mean + row.torque * (overlap / self.period)), None
+            overlap = jnp.clip(until, begin, end) - jnp.clip(elapsed, begin, end)
+            current = choose(elapsed >= begin, row, current)
+            return (current, mean + row.torque * (overlap / self.period)), None
 
         rows = PlanRow(jnp.arange(count, dtype=length.dtype), *plan[2:])
         first = jax.tree.map(lambda leaf: leaf[0], rows)
         return lax.scan(one, (first, jnp.zeros_like(first.torque)), rows)[0]
 
     def _target(
-        self, program: Transcription, passed: RealScalar, row: PlanRow
+        self, program: Transcription, elapsed: RealScalar, row: PlanRow
     ) -> Float[Array, "7"]:
         """The plan's state (dimensionless) a time (s) after its begin, by the law's model."""
         unit, length = program.time_unit, self.plan.duration / program.intervals
         begin = row.number * length
-        share = jnp.clip((passed - begin) / length, 0.0, 1.0)
+        share = jnp.clip((elapsed - begin) / length, 0.0, 1.0)
         x, u = jnp.concatenate([row.attitude, row.rate * unit]), row.torque / program.limit
         since, first = (self.plan.begin + begin) / unit, jnp.zeros_like(share)
         return program.interval(since, first, x, share * self.plan.duration / unit, u)
@@ -203,15 +203,15 @@ def program_of(
     settling: ThreeSlewSettling,
     margin: RealScalar | float,
     intervals: int,
-    fitted: AbstractCorrection | None,
+    correction: AbstractCorrection | None,
 ) -> Transcription:
-    """The nonlinear program of plans by the two torques of a law, by its model as `fitted`.
+    """The nonlinear program of plans by the two torques of a law, by its model with a `correction`.
 
     Plans use 1 - `margin` of the torque limit.
     """
     limit, axes = settling.torque_limit * (1 - margin), settling.form.axes[:2].T
     objective = PlanObjective.TIME
-    return Transcription(settling.form.model, axes, limit, objective, intervals, 1, fitted)
+    return Transcription(settling.form.model, axes, limit, objective, intervals, 1, correction)
 
 
 def quickest_plan(
@@ -225,10 +225,10 @@ def quickest_plan(
 
     Raises `ArgumentError` if no plan arrives.
     """
-    followed, arrives = _searched(settling, margin, intervals, begin, state)
+    table, arrives = _searched(settling, margin, intervals, begin, state)
     if not arrives:
         raise ArgumentError("state", "must be one from which a plan to the target is found")
-    return followed
+    return table
 
 
 @eqx.filter_jit
@@ -238,11 +238,11 @@ def _searched(settling, margin, intervals: int, begin: RealScalar, state: PlantS
     pieces = PlanSearch(GUESSES, 1).most_pieces
     search = PlanSearch(GUESSES, pieces)
     first = begin / program.time_unit, program.scaled(state)
-    found = search.advanced(program, search.from_guesses(search.idle(program), *first), *first)
-    plan = found.iterate.unknowns
+    result = search.advanced(program, search.from_guesses(search.idle(program), *first), *first)
+    plan = result.iterate.unknowns
     gains = tracking_gains(program, first[0], plan, jnp.array(WEIGHTS), jnp.array(LAST_WEIGHTS))
     table = table_of(program, Followed(plan, gains, first[0]))
-    return table._replace(begin=begin), search.arrives(found)
+    return table._replace(begin=begin), search.arrives(result)
 
 
 def filtered(

@@ -116,11 +116,11 @@ class PlannedSettling(AbstractPlanLaw):
 
     def program(self, settling: SettlingMemory, driven: DrivenMemory) -> Transcription:
         """The nonlinear program of the plans: torques about x and y, the dynamics as estimated."""
-        fit, fitted = settling.estimator.fit, None
+        fit, correction = settling.estimator.fit, None
         if fit is not None:
             errors = self.driven.believed(driven)
-            fitted = FittedDynamics(self.form, self.driven, fit.estimate, errors)
-        return program_of(self.settling, self.margin, self.intervals, fitted)
+            correction = FittedDynamics(self.form, self.driven, fit.estimate, errors)
+        return program_of(self.settling, self.margin, self.intervals, correction)
 
     def flight_law(self, start: PlantState, begin: float = 0.0) -> PlanTracking:
         """The tracker of a plan from `start` at the time `begin` (s).
@@ -157,9 +157,9 @@ class PlannedSettling(AbstractPlanLaw):
         slips = ended & memory.settling.fine.late & ~settling.fine.late
         over = stage == PlannedMode.FOLLOWING
         over = over & (now > memory.followed.begin + memory.followed.plan.duration)
-        missed = slips | (over & ~settling.fine.late)
-        missed = missed & (memory.manoeuvres < MOST_MANOEUVRES)
-        begins = loss | missed | (memory.searched < 0)
+        misses = slips | (over & ~settling.fine.late)
+        misses = misses & (memory.manoeuvres < MOST_MANOEUVRES)
+        begins = loss | misses | (memory.searched < 0)
         holds = (stage == SETTLING) & (self.settling.mode(settling) == Phase.HOLDING)
         holds = holds & (t - settling.since > self.settling.patience)
         manoeuvres = jnp.where(holds, 0, memory.manoeuvres) + jnp.where(begins, 1, 0)
@@ -185,7 +185,7 @@ class PlannedSettling(AbstractPlanLaw):
         torque = jnp.where(stage == PlannedMode.PLANNING, 0.0, torque)
         far = error_angle(program.target, x) > FAR
         phase = jnp.where(fails & far, Phase.STOPPING, Phase.OSCILLATING)
-        fine = choose(over & ~missed, settling.fine, self.settling.fine.init(state.omega))
+        fine = choose(over & ~misses, settling.fine, self.settling.fine.init(state.omega))
         waiting = settling._replace(phase=phase, fine=fine, since=t + 0 * settling.since)
         settling = choose((stage != SETTLING) | over | fails, waiting, settling)
         failures = memory.failures + jnp.where(fails, 1, 0)

@@ -146,8 +146,8 @@ class Reconfiguration(eqx.Module):
         working = jnp.where(failed, 0.0, 1.0)
         weak = failed & (part >= WEAK) & (condition.flow <= 0)
         limit = jnp.where(weak, part, working)
-        held = (before.left == Left.THREE_AXES) & (before.number == number)
-        spare = jnp.where(left == Left.PLANE, SPARE, LEAST_SPARE) * jnp.where(held, 0.5, 1.0)
+        had_three = (before.left == Left.THREE_AXES) & (before.number == number)
+        spare = jnp.where(left == Left.PLANE, SPARE, LEAST_SPARE) * jnp.where(had_three, 0.5, 1.0)
         steady = -(self.torque @ condition.flow)
         all_axes = jax.lax.cond(
             left == Left.THREE_AXES,
@@ -169,8 +169,8 @@ class Reconfiguration(eqx.Module):
         """Whether a torque (N m) is possible with `SPARE` of it to spare, or half of that without
         help so far (`helped`)."""
         demand = (1 + SPARE * jnp.where(helped, 1.0, 0.5)) * steady
-        _, missed = self.duties(demand, limit)
-        return jnp.sum(missed**2) < (SMALL * jnp.max(jnp.abs(self.torque))) ** 2
+        _, shortfall = self.duties(demand, limit)
+        return jnp.sum(shortfall**2) < (SMALL * jnp.max(jnp.abs(self.torque))) ** 2
 
     def _tabled(self, failed: Bool[Array, " m"]) -> tuple[IntScalar, IntScalar]:
         """The number of a set, and its `Left`; 0 and -1 without a table."""
@@ -200,8 +200,8 @@ class Reconfiguration(eqx.Module):
 
         def also(way, spans):
             demand = steady + spare * ways[way] * largest
-            _, missed = self.duties(demand, limit)
-            return spans & (jnp.sum(missed**2) < smallest)
+            _, shortfall = self.duties(demand, limit)
+            return spans & (jnp.sum(shortfall**2) < smallest)
 
         return jax.lax.fori_loop(0, len(ways), also, jnp.array(True))
 

@@ -132,23 +132,23 @@ class Guard(eqx.Module):
             raise ArgumentError("hold_samples", "must be zero or positive", hold_samples)
         self.hold_samples = as_array(np.asarray(hold_samples, np.int32))
 
-    def init(self, asked: PyTree) -> GuardState:
-        """The state before the first sample, with the structure of the command `asked`."""
-        last = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), asked)
+    def init(self, command: PyTree) -> GuardState:
+        """The state before the first sample, with the structure of a `command`."""
+        last = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), command)
         return GuardState(last, jnp.zeros_like(self.hold_samples))
 
     def decide(self, valid: BoolScalar, state: GuardState) -> Decision:
         """The decision at a sample."""
         return Decision(valid, state.missed < self.hold_samples)
 
-    def asked(
-        self, decision: Decision, asked: PyTree, state: GuardState
+    def command(
+        self, decision: Decision, command: PyTree, state: GuardState
     ) -> tuple[PyTree, GuardState]:
-        """The commands, from those of a step (`asked`), and the next state."""
+        """The commands, from the `command` of a step, and the next state."""
 
         def one(new: Array, last: Array) -> Array:
             return jnp.where(decision.steps, new, jnp.where(decision.held, last, 0))
 
-        chosen = jax.tree.map(one, asked, state.last)
-        waited = jnp.where(decision.held, state.missed + 1, state.missed)
-        return chosen, GuardState(chosen, jnp.where(decision.steps, 0, waited))
+        output = jax.tree.map(one, command, state.last)
+        skips = jnp.where(decision.held, state.missed + 1, state.missed)
+        return output, GuardState(output, jnp.where(decision.steps, 0, skips))

@@ -158,17 +158,17 @@ class ThreeSlewSettling(AbstractSampledController):
         slewing = planner.advance(t, slewed, memory.slewing, self.period)
         chosen = self._phase(t, memory, view, third, slewing)
         phase = jnp.where(prescribed > 0, prescribed, chosen)
-        begun = phase != memory.phase
-        begins_fine = begun & (phase == Phase.OSCILLATING)
-        again = begun & (phase == Phase.STOPPING)
+        begins = phase != memory.phase
+        begins_fine = begins & (phase == Phase.OSCILLATING)
+        again = begins & (phase == Phase.STOPPING)
         lost = memory.lost | (again & (memory.phase == Phase.OSCILLATING))
         plan = planner.plan(t, slewed)
-        slewing = choose(begun & (phase == Phase.SLEWING), plan, slewing)
+        slewing = choose(begins & (phase == Phase.SLEWING), plan, slewing)
         signs = choose(again, self.rate_law.init(state), memory.signs)
-        vain = (phase == Phase.STOPPING) & ~begun & (t - memory.since > self.patience)
+        vain = (phase == Phase.STOPPING) & ~begins & (t - memory.since > self.patience)
         signs = signs._replace(most=jnp.where(vain, 0.0, signs.most))  # brakes, then chooses again
         fine = choose(begins_fine, self.fine.init(view.omega), memory.fine)
-        since = jnp.where(begun | vain, t, memory.since)
+        since = jnp.where(begins | vain, t, memory.since)
 
         signs = self.rate_law.signs(third, view.omega, signs)
         tracking = self.rate_law.tracking(third, view.omega, signs)
@@ -252,8 +252,8 @@ class ThreeSlewSettling(AbstractSampledController):
         spinning = size > 2 * self.slow_rate
         after_slewing = jnp.where(spinning, Phase.STOPPING, after_slewing)
         after_fine = jnp.where(lost, Phase.STOPPING, Phase.OSCILLATING)
-        chosen = jnp.where(phase == Phase.SLEWING, after_slewing, after_fine)
-        return jnp.where(phase == Phase.STOPPING, after_stopping, chosen)
+        otherwise = jnp.where(phase == Phase.SLEWING, after_slewing, after_fine)
+        return jnp.where(phase == Phase.STOPPING, after_stopping, otherwise)
 
 
 def _along_x(like: Float[Array, " n"]) -> Pair:

@@ -113,9 +113,9 @@ class ThirdAxisBand(eqx.Module):
         fires = coasts & (jnp.abs(error) > self.band) & (inwards <= 0)
         most = jnp.floor(law.period / pulse * (1 + 1e-12)) * pulse
         most = jnp.where(self.least[best] > 0, most, law.period)
-        chosen = fires & (jnp.arange(self.least.shape[0]) == best)
-        duty = jnp.where(chosen, jnp.minimum(on_time, most) / law.period, 0.0)
+        firing = fires & (jnp.arange(self.least.shape[0]) == best)
+        duty = jnp.where(firing, jnp.minimum(on_time, most) / law.period, 0.0)
         pulse_torque = self.thrust @ (limit * duty)
-        left = torque - along * (axis @ torque) + along * (axis @ pulse_torque) - pulse_torque
+        rest = torque - along * (axis @ torque) + along * (axis @ pulse_torque) - pulse_torque
         edge = jnp.where(coasts, jnp.where(fires, side, before.edge), 0.0)
-        return Corrected(duty, jnp.where(coasts, left, torque), BandMemory(coasts, edge))
+        return Corrected(duty, jnp.where(coasts, rest, torque), BandMemory(coasts, edge))

@@ -54,9 +54,9 @@ def nearest_held(
     across = jnp.cross(normal, momentum)
     size, along = jnp.sqrt(jnp.sum(across**2)), normal @ momentum
     whole = jnp.sqrt(size**2 + along**2)
-    wanted = normal @ coasting
-    beside = jnp.sqrt(jnp.maximum(whole**2 - wanted**2, 0.0))
-    turn = jnp.arctan2(size, along) - jnp.arctan2(beside, wanted)
+    goal = normal @ coasting
+    beside = jnp.sqrt(jnp.maximum(whole**2 - goal**2, 0.0))
+    turn = jnp.arctan2(size, along) - jnp.arctan2(beside, goal)
     least = jnp.eye(3)[jnp.argmin(jnp.abs(normal))]  # n along H: any axis across
     other = jnp.cross(normal, least)
     axis = jnp.where(size > 1e-9 * whole + SMALLEST, across, other)
@@ -64,12 +64,12 @@ def nearest_held(
     turn = turn * whole**4 / (whole**4 + error**4 + SMALLEST)
     half = turn / 2
     attitude = Quaternion(jnp.concatenate([jnp.cos(half)[None], jnp.sin(half) * axis]))
-    return HeldAttitude(attitude, jnp.abs(turn), jnp.abs(wanted) <= whole)
+    return HeldAttitude(attitude, jnp.abs(turn), jnp.abs(goal) <= whole)
 
 
-def relative_to(attitude: Quaternion, held: Quaternion) -> Quaternion:
+def relative_to(attitude: Quaternion, frame: Quaternion) -> Quaternion:
     """An `attitude` relative to that of another frame, both relative to the target: q'⁻¹ q."""
-    scalar, vector = held.q[0], -held.q[1:]
+    scalar, vector = frame.q[0], -frame.q[1:]
     own, part = attitude.q[0], attitude.q[1:]
     product = scalar * part + own * vector + jnp.cross(vector, part)
     return Quaternion(jnp.concatenate([(scalar * own - vector @ part)[None], product]))
@@ -112,25 +112,25 @@ class TwoWheels(eqx.Module):
         inertia: Matrix,
         natural_frequency: RealScalar,
         max_rate: RealScalar,
-        held: Quaternion,
+        rest_attitude: Quaternion,
     ) -> Vector:
         """The torque on the body (N m) of an `inertia` (kg m²), without gyroscopic torque.
 
         `natural_frequency` (rad/s) sets all gains, reference rates are at most `max_rate` (rad/s).
-        The attitude to reach is `held`, relative to the target.
+        The attitude to reach is `rest_attitude`, relative to the target.
         """
         frame = self.frame(normal, inertia)
         orbit = frame @ self.model.orbit.frame_rate(state.attitude)
-        quaternion = relative_to(state.attitude.as_quaternion(), held).q
+        quaternion = relative_to(state.attitude.as_quaternion(), rest_attitude).q
         attitude = Quaternion(jnp.concatenate([quaternion[:1], frame @ quaternion[1:]]))
         relative = frame @ state.omega - orbit
 
-        def wanted(attitude):
+        def reference_rate(attitude):
             rate = natural_frequency * reference(attitude, relative[2] / natural_frequency)
             size = jnp.sqrt(jnp.sum(rate**2) + SMALLEST)
             return rate * share_within(max_rate, size)
 
-        rate, change = jax.jvp(wanted, (attitude,), (attitude.rate(relative),))
+        rate, change = jax.jvp(reference_rate, (attitude,), (attitude.rate(relative),))
         pull = RATE_GAIN * natural_frequency * (relative[:2] - rate)
         return inertia @ (frame[:2].T @ (change - pull))
 

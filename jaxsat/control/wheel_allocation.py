@@ -128,8 +128,8 @@ class WheelAllocation(eqx.Module):
         `unloading` (1/s) is the rate at which momentum without effect on the body is removed, as
         far as the command leaves room.
         """
-        held = jnp.where(wheeled.working, momentum, 0.0)
-        idle = held - self.holding(wheeled) @ (self.wheels.axes @ held)
+        in_use = jnp.where(wheeled.working, momentum, 0.0)
+        idle = in_use - self.holding(wheeled) @ (self.wheels.axes @ in_use)
         idle = jnp.where(wheeled.left == Left.THREE_AXES, unloading * idle, 0.0)
         return nearest + idle * within(wheeled.usable, nearest, idle)
 
@@ -168,8 +168,8 @@ class WheelAllocation(eqx.Module):
         if limit is None:
             return None
         sizes = root(jnp.sum(self.holding(wheeled) ** 2, axis=1))
-        held = jnp.where(sizes > 0, limit / jnp.where(sizes > 0, sizes, 1.0), jnp.inf)
-        most = jnp.min(held)
+        most_each = jnp.where(sizes > 0, limit / jnp.where(sizes > 0, sizes, 1.0), jnp.inf)
+        most = jnp.min(most_each)
         free = MOST_MOMENTUM * most - length(stored)
         if self.uneven:
             room = MOST_MOMENTUM * limit - jnp.abs(self.holding(wheeled) @ stored)

@@ -96,14 +96,14 @@ class Unmade(NamedTuple):
         return {"peak_torque_unmade": jnp.sqrt(self.square), "unmade_fraction": fraction}
 
 
-def saved(signals: Signals, numbers: Numbers, held: HeldTorque) -> Signals:
+def saved(signals: Signals, numbers: Numbers, held_torque: HeldTorque) -> Signals:
     """Select the samples of these ascending numbers, from the first to the last, from all samples.
 
-    Signals that are declared as a `mean`, such as thrust levels, are averaged, and torques that
-    were `held` in each period give ranges, from each number to the next.
+    Signals that are declared as a `mean`, such as thrust levels, are averaged, and the torques of
+    `held_torque` in each period give ranges, from each number to the next.
     """
     selection = jax.tree.map(lambda x: x[numbers], signals)
-    ranges = held.between(numbers, stop_gradient(selection.torque[-1]))
+    ranges = held_torque.between(numbers, stop_gradient(selection.torque[-1]))
     selection = eqx.tree_at(
         lambda one: one.torque_range, selection, ranges, is_leaf=lambda x: x is None
     )
@@ -120,22 +120,22 @@ def saved(signals: Signals, numbers: Numbers, held: HeldTorque) -> Signals:
     )
 
 
-def summed(seen: Signals, first: BoolScalar, sample: Callable[[], Signals]) -> Signals:
+def summed(sums: Signals, first: BoolScalar, sample: Callable[[], Signals]) -> Signals:
     """The signals of the `first` sample of several; of those declared as a `mean`, the sums."""
 
     def later():
-        parts = {name: seen.parts[name] + x for name, x in _means(sample()).items()}
-        return dataclasses.replace(seen, parts=seen.parts | parts)
+        parts = {name: sums.parts[name] + x for name, x in _means(sample()).items()}
+        return dataclasses.replace(sums, parts=sums.parts | parts)
 
     return jax.lax.cond(first, sample, later)
 
 
-def averaged(seen: Signals | None, count: int | IntScalar) -> Signals | None:
+def averaged(sums: Signals | None, count: int | IntScalar) -> Signals | None:
     """The signals with means over `count` samples in place of sums; None without signals."""
-    if seen is None:
+    if sums is None:
         return None
-    means = {name: x / jnp.asarray(count, x.dtype) for name, x in _means(seen).items()}
-    return dataclasses.replace(seen, parts=seen.parts | means)
+    means = {name: x / jnp.asarray(count, x.dtype) for name, x in _means(sums).items()}
+    return dataclasses.replace(sums, parts=sums.parts | means)
 
 
 def _means(signals: Signals) -> dict[str, Array]:

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from jaxsat.control.controller import Memory
-from jaxsat.control.navigation.navigation import Navigation, NavigationState, Told
+from jaxsat.control.navigation.navigation import LawInput, Navigation, NavigationState
 from jaxsat.control.sampled import AbstractSampledController, Guard, GuardState
 from jaxsat.core.array_types import IntScalar, RealScalar, Vector
 from jaxsat.core.checks import as_optional_float, concrete, require_counts, require_positive
@@ -45,7 +45,7 @@ class SampledState(NamedTuple):
 class _Planned(NamedTuple):
     """Decisions at a sample: the law's input, its shares, the effectors' plans, and memories."""
 
-    told: Told
+    law_input: LawInput
     shares: Shares
     plans: OfEach
     memory: Memory
@@ -117,7 +117,7 @@ class SampledLoop(AbstractLoop):
             None if self.navigation is None else self.navigation.init(state),
             momenta=None if self.tachometers is None else self.tachometers.first_readings(),
         )
-        law_input = self.told(jnp.array(0), begin).state
+        law_input = self.law_input(jnp.array(0), begin).state
         begin = begin._replace(memory=self.controller.init(law_input))
         if self.guard is None:
             return begin
@@ -129,31 +129,33 @@ class SampledLoop(AbstractLoop):
             return {}
         return self.navigation.estimator.counts(state.navigation.memory)
 
-    def told(self, number: IntScalar, state: SampledState) -> Told:
+    def law_input(self, number: IntScalar, state: SampledState) -> LawInput:
         """The controller's input at sample `number` of the run, from the true `state`."""
         plant, last = state.plant, state.momenta
         if self.tachometers is None:
-            return self._told_of(number, plant, state.navigation)
+            return self._law_input_of(number, plant, state.navigation)
         each = self.tachometers(number, plant.of_each)
         if last is not None:
             each, last = self.tachometers.read(number, self.controller.period, each, last)
         plant = dataclasses.replace(plant, effectors=each)
-        told = self._told_of(number, plant, state.navigation)._replace(momenta=last)
+        law_input = self._law_input_of(number, plant, state.navigation)._replace(momenta=last)
         valid = self.tachometers.is_valid(number, self.controller.period)
         if valid is None:
-            return told
-        return told._replace(valid=valid if told.valid is None else valid & told.valid)
+            return law_input
+        return law_input._replace(
+            valid=valid if law_input.valid is None else valid & law_input.valid
+        )
 
-    def _told_of(
+    def _law_input_of(
         self, number: IntScalar, plant: PlantState, navigation: NavigationState | None
-    ) -> Told:
+    ) -> LawInput:
         """The controller's input for the true state of the body and measured momenta of wheels."""
         if self.navigation is not None and navigation is not None:
-            return self.navigation.told(number, self.controller.period, plant, navigation)
+            return self.navigation.law_input(number, self.controller.period, plant, navigation)
         if self.sensors is None:
-            return Told(plant)
+            return LawInput(plant)
         attitude, omega = self.sensors(number, plant.attitude, plant.omega)
-        return Told(PlantState(attitude, omega, plant.effectors))
+        return LawInput(PlantState(attitude, omega, plant.effectors))
 
     def signals(self, number: IntScalar, t: RealScalar, state: SampledState) -> Signals:
         """The signals of the true state at sample `number` of the run, at time `t` (s)."""
@@ -166,14 +168,14 @@ class SampledLoop(AbstractLoop):
         """
         shares = self._idle_shares()
         plans = self._plans(t, shares.uses, state)
-        idle = _Planned(self.told(number, state), shares, plans, state.memory, state.guard)
+        idle = _Planned(self.law_input(number, state), shares, plans, state.memory, state.guard)
         return self._signals_of(t, state, idle)
 
     def _signals_of(self, t: RealScalar, state: SampledState, planned: _Planned) -> Signals:
         """The signals of a sample with these decisions."""
         parts = zip(self.plant.effectors, planned.plans, strict=True)
         means = [one.finish(plan, one.run(plan, self.controller.period))[1] for one, plan in parts]
-        signals = self._signals(t, state, planned.memory, planned.told, tuple(means))
+        signals = self._signals(t, state, planned.memory, planned.law_input, tuple(means))
         return self._with_unmade(signals, planned.shares)
 
     def period(
@@ -207,13 +209,13 @@ class SampledLoop(AbstractLoop):
 
     def _planned(self, number: IntScalar, t: RealScalar, state: SampledState) -> _Planned:
         """The decisions at sample `number` of the run, at time `t` (s)."""
-        law_input = self.told(number, state)
+        law_input = self.law_input(number, state)
         shares, memory = self._shares(t, law_input.state, state.memory)
         guard, before = self.guard, state.guard
         if guard is None or before is None or law_input.valid is None:
             return _Planned(law_input, shares, self._plans(t, shares.uses, state), memory, before)
         decision = guard.decide(law_input.valid, before)
-        shares, after = guard.asked(decision, shares, before)
+        shares, after = guard.command(decision, shares, before)
         memory = jax.tree.map(partial(jnp.where, law_input.valid), memory, state.memory)
         plans = self._plans(t, shares.uses, state, decision)
         return _Planned(law_input, shares, plans, memory, after, decision)
@@ -223,7 +225,7 @@ class SampledLoop(AbstractLoop):
     ) -> NavigationState | None:
         """The navigation's next state, with the torque commanded in the period that begins at `t`
         (s), N m: that of the body that a navigation knows, whose actuators obey."""
-        following, navigation = planned.told.navigation, self.navigation
+        following, navigation = planned.law_input.navigation, self.navigation
         if following is None or navigation is None or navigation.body is None:
             return following
         obeying = dataclasses.replace(self, plant=navigation.body)
@@ -232,11 +234,11 @@ class SampledLoop(AbstractLoop):
         commands = tuple(
             one.finish(plan, one.run(plan, self.controller.period))[1] for one, plan in parts
         )
-        middle, told = t + self.controller.period / 2, planned.told.state
-        torque = navigation.outer_torque(middle, told, commands)
+        middle, estimate = t + self.controller.period / 2, planned.law_input.state
+        torque = navigation.outer_torque(middle, estimate, commands)
         if self.delay is not None:
             before = obeying._before(state, commands)
-            earlier = navigation.outer_torque(middle, told, before)
+            earlier = navigation.outer_torque(middle, estimate, before)
             torque = torque + self.delay / self.controller.period * (earlier - torque)
         return following._replace(torque=torque)
 
@@ -248,8 +250,8 @@ class SampledLoop(AbstractLoop):
     def _idle_shares(self) -> Shares:
         """Shares of idle effectors, with the structure of those of a command."""
         effectors = self.plant.effectors
-        left = jnp.zeros(3) if self.distribution.tells_left(effectors) else None
-        return Shares(tuple(one.idle() for one in effectors), left)
+        rest = jnp.zeros(3) if self.distribution.tells_left(effectors) else None
+        return Shares(tuple(one.idle() for one in effectors), rest)
 
     def _with_unmade(self, signals: Signals, shares: Shares) -> Signals:
         """The signals with the part of the commanded torque that effectors do not produce."""
@@ -304,7 +306,9 @@ class SampledLoop(AbstractLoop):
         running, plant, carry = hold_by_hold(count, period, step, first, state.plant, carry)
         return plant, carry, running
 
-    def _signals(self, t, state: SampledState, memory, measurement: Told, means: OfEach) -> Signals:
+    def _signals(
+        self, t, state: SampledState, memory, measurement: LawInput, means: OfEach
+    ) -> Signals:
         """The signals of a sample, with means of commands that change within the period."""
         acting = means
         if self.delay is not None:

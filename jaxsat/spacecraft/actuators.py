@@ -191,9 +191,9 @@ class Actuators(AbstractEffector):
         if now.gain is not None and now.level is not None:
             gain, level = jnp.abs(now.gain), now.level
         room = jnp.where(gain > 0, self.limit, 0.0) * jnp.where(gain > 0, gain, 1.0)
-        held = level * jnp.where(jnp.isfinite(self.limit), self.limit, 0.0)
+        level_torque = level * jnp.where(jnp.isfinite(self.limit), self.limit, 0.0)
         each = jnp.zeros(now.torque_axes.shape[1])
-        return Reach(now.torque_axes, each + held - room, each + held + room)
+        return Reach(now.torque_axes, each + level_torque - room, each + level_torque + room)
 
     def last_drawn_kind(self, sampled: bool) -> FailureKind:
         """Last failure kind that a study draws: stuck with a finite limit, else degraded."""
@@ -267,8 +267,8 @@ class PluginActuators(AbstractEffector):
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "PluginActuators":
         """Return the actuators held on the side of each corner that `signs` gives."""
-        held = self.actuators.smooth_piece(signs)
-        return PluginActuators(actuators=held, torques=self.torques)
+        piece = self.actuators.smooth_piece(signs)
+        return PluginActuators(actuators=piece, torques=self.torques)
 
 
 def _is_thrusters(part: object) -> bool:

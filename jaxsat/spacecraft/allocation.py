@@ -126,9 +126,9 @@ def allocate_unloading(
     """
     before = jnp.zeros_like(torque) if before is None else before
 
-    def without_storing(wanted: Vector) -> tuple[Reach, Vector, Vector]:
+    def without_storing(request: Vector) -> tuple[Reach, Vector, Vector]:
         low, high = (jnp.where(stores, 0.0, bound) for bound in (reach.low, reach.high))
-        return reach._replace(low=low, high=high), wanted, before
+        return reach._replace(low=low, high=high), request, before
 
     def gently(use: Float[Array, " n"]) -> Vector:
         return unloading if part is None else part(use) * unloading

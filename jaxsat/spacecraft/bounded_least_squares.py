@@ -54,15 +54,15 @@ class ActiveSet(NamedTuple):
 
 
 class Active(NamedTuple):
-    """State of the method: the torques of all devices that are not `held` are W Aᵀμ, with A the
-    `units`, W the `weight`, and μ the `multiplier`.
+    """State of the method: the torques of all devices that are not in `active` are W Aᵀμ, with A
+    the `units`, W the `weight`, and μ the `multiplier`.
 
     `ahead` is the torque still to be made by this `leg`: 0 is the first torque, 1 the torque
     itself, and 2 a small increase `BEYOND`. `last` is the active set at the end of the torque.
     """
 
     multiplier: Vector
-    held: ActiveSet
+    active: ActiveSet
     last: ActiveSet
     ahead: Vector
     leg: IntScalar
@@ -102,15 +102,15 @@ def _solved(devices: Bounded, torque: Vector, first: Vector | None) -> tuple[OfE
     other devices can make up for it.
     """
     end = _ended(*jax.lax.stop_gradient((devices, torque, first)))
-    both = jax.tree.map(lambda *x: jnp.stack(x), end.held, end.last)
+    both = jax.tree.map(lambda *x: jnp.stack(x), end.active, end.last)
 
-    def tried(held: ActiveSet):
-        each, totals = _at(devices, torque, first, held)
+    def tried(active: ActiveSet):
+        each, totals = _at(devices, torque, first, active)
         off = totals - devices.units @ within(each, devices.low, devices.high)
         return each, totals, jnp.max(jnp.abs(off)) <= NONE * jnp.max(jnp.abs(totals))
 
-    def one_more(so_far, held: ActiveSet):
-        return jax.lax.cond(so_far[-1], lambda: so_far, lambda: tried(held)), None
+    def one_more(so_far, active: ActiveSet):
+        return jax.lax.cond(so_far[-1], lambda: so_far, lambda: tried(active)), None
 
     none = (jnp.zeros_like(devices.weight), jnp.zeros_like(torque), jnp.array(False))
     (each, totals, _), _ = jax.lax.scan(one_more, none, both)
@@ -118,20 +118,20 @@ def _solved(devices: Bounded, torque: Vector, first: Vector | None) -> tuple[OfE
 
 
 def _at(
-    devices: Bounded, torque: Vector, first: Vector | None, held: ActiveSet
+    devices: Bounded, torque: Vector, first: Vector | None, active: ActiveSet
 ) -> tuple[OfEach, Vector]:
     """Return the torque of each device with this active set, and the torque of all together."""
-    free = _free(devices, held)
+    free = _free(devices, active)
     low, high = (jnp.where(jnp.isfinite(x), x, 0.0) for x in (devices.low, devices.high))
     bounds = (low, high)
-    total = parts_up_to(held.facets, devices.units, bounds, torque, first)
+    total = parts_up_to(active.facets, devices.units, bounds, torque, first)
     inverse = _inverse(devices, free, _basis(devices, free))
 
     def nearer(_, each: OfEach) -> OfEach:
         lacks = total - devices.units @ each
         return each + jnp.where(free, devices.weight * ((inverse @ lacks) @ devices.units), 0.0)
 
-    at_bounds = jnp.where(held.side > 0, high, jnp.where(held.side < 0, low, 0.0))
+    at_bounds = jnp.where(active.side > 0, high, jnp.where(active.side < 0, low, 0.0))
     # The second and third pass remove round-off.
     return jax.lax.fori_loop(0, 3, nearer, at_bounds), total
 
@@ -139,12 +139,12 @@ def _at(
 def _beginning(devices: Bounded, torque: Vector, first: Vector | None) -> Active:
     """Return the initial state: no torque made, all of it ahead."""
     facets, ahead, leg = begun_legs(torque, first)
-    held = ActiveSet(jnp.zeros_like(devices.weight), facets)
+    active = ActiveSet(jnp.zeros_like(devices.weight), facets)
     comes_first = False if first is None else jnp.any(first != 0)
     return Active(
         jnp.zeros_like(torque),
-        held,
-        held,
+        active,
+        active,
         ahead,
         leg,
         jnp.array(0),
@@ -160,8 +160,8 @@ def _ended(devices: Bounded, torque: Vector, first: Vector | None) -> Active:
     )
 
 
-def _free(devices: Bounded, held: ActiveSet) -> Bool[Array, " m"]:
-    return (held.side == 0) & (devices.high > devices.low)
+def _free(devices: Bounded, active: ActiveSet) -> Bool[Array, " m"]:
+    return (active.side == 0) & (devices.high > devices.low)
 
 
 def _basis(devices: Bounded, free: Bool[Array, " m"]) -> Matrix:
@@ -172,10 +172,10 @@ def _basis(devices: Bounded, free: Bool[Array, " m"]) -> Matrix:
         basis, across = so_far
         sizes = jnp.where(free, jnp.sum(across**2, axis=0), 0.0)
         most = jnp.argmax(jax.lax.stop_gradient(sizes * devices.weight))
-        chosen = jnp.arange(sizes.shape[0]) == most
-        size = jnp.sum(jnp.where(chosen, sizes, 0.0))
+        largest = jnp.arange(sizes.shape[0]) == most
+        size = jnp.sum(jnp.where(largest, sizes, 0.0))
         independent = size > FLAT**2
-        one = jnp.sum(jnp.where((chosen & independent)[None], across, 0.0), axis=1)
+        one = jnp.sum(jnp.where((largest & independent)[None], across, 0.0), axis=1)
         one = one / jnp.sqrt(jnp.where(independent, size, 1.0))
         place = jnp.where(jnp.arange(3) == row, 1.0, 0.0)
         return basis + jnp.outer(place, one), across - jnp.outer(one, one @ across)
@@ -226,7 +226,7 @@ def _round(devices: Bounded, torque: Vector, first: Vector | None, at: Active) -
     Where the free devices cannot make the torque ahead, only the multiplier changes, across their
     span, until a device leaves its bound; if none does, no more torque can be made.
     """
-    free = _free(devices, at.held)
+    free = _free(devices, at.active)
     basis = _basis(devices, free)
     span = _span(basis, free.shape[0])
     across = at.ahead - span @ at.ahead
@@ -243,9 +243,9 @@ def _round(devices: Bounded, torque: Vector, first: Vector | None, at: Active) -
     moves = pace > NONE * jnp.max(pace)
     side = jnp.where(rate < 0, -1.0, 1.0)
     comes = free & moves & ~stands
-    leaves = (at.held.side * side < 0) & moves
+    leaves = (at.active.side * side < 0) & moves
     ahead_of_bound = jnp.where(rate < 0, now - devices.low, devices.high - now)
-    beyond = jnp.where(at.held.side < 0, devices.low - now, now - devices.high)
+    beyond = jnp.where(at.active.side < 0, devices.low - now, now - devices.high)
     room = jnp.maximum(jnp.where(free, ahead_of_bound, beyond), 0.0)
     until = room / jnp.where(moves, jnp.abs(rate), 1.0)
     until = jnp.where(comes | leaves, until, jnp.inf)
@@ -254,20 +254,20 @@ def _round(devices: Bounded, torque: Vector, first: Vector | None, at: Active) -
     ended = short | (~stands & (step >= 1 - NONE))
     step = jnp.where(stands, jnp.where(short, 0.0, step), jnp.minimum(step, 1.0))
     turned = (jnp.arange(free.shape[0]) == hit) & ~ended
-    this = ended & (legs_before(at.held.facets) == jnp.minimum(at.leg, 1))
-    held = ActiveSet(
-        jnp.where(turned, jnp.where(free, side, 0.0), at.held.side),
-        jnp.where(this[:, None], jnp.where(short, across, 0.0)[None], at.held.facets),
+    this = ended & (legs_before(at.active.facets) == jnp.minimum(at.leg, 1))
+    active = ActiveSet(
+        jnp.where(turned, jnp.where(free, side, 0.0), at.active.side),
+        jnp.where(this[:, None], jnp.where(short, across, 0.0)[None], at.active.facets),
     )
     whole = torque if first is None else torque + first
-    more = jnp.all(held.facets == 0) & jnp.any(whole != 0)
-    left = jnp.where(stands, at.ahead, (1 - step) * at.ahead)
-    following = jnp.where(at.leg == 0, torque + left, BEYOND * whole)
+    more = jnp.all(active.facets == 0) & jnp.any(whole != 0)
+    rest = jnp.where(stands, at.ahead, (1 - step) * at.ahead)
+    following = jnp.where(at.leg == 0, torque + rest, BEYOND * whole)
     return Active(
         at.multiplier + step * way,
-        held,
-        jax.tree.map(lambda new, old: jnp.where(at.leg < 2, new, old), held, at.last),
-        jnp.where(ended, following, left),
+        active,
+        jax.tree.map(lambda new, old: jnp.where(at.leg < 2, new, old), active, at.last),
+        jnp.where(ended, following, rest),
         jnp.where(ended, at.leg + 1, at.leg),
         at.rounds + 1,
         ~ended | (at.leg == 0) | ((at.leg == 1) & more),

@@ -91,17 +91,17 @@ class Direct(AbstractDistribution):
 
     def __call__(self, t, state, command, effectors) -> Shares:
         """Return parts of the command; raises `ValueError` if it ends within an effector's part."""
-        uses, left = [], command
+        uses, rest = [], command
         for one in effectors:
-            size = one.command_size if left.shape[0] else 0
-            if size > left.shape[0]:
+            size = one.command_size if rest.shape[0] else 0
+            if size > rest.shape[0]:
                 rule = f"must have {size} numbers for {one.kind}s"
-                raise ArgumentError("command", rule, f"{left.shape[0]} of {command.shape[0]}")
-            uses.append(left[:size] if size else one.idle())
-            left = left[size:]
-        if left.shape[0]:
+                raise ArgumentError("command", rule, f"{rest.shape[0]} of {command.shape[0]}")
+            uses.append(rest[:size] if size else one.idle())
+            rest = rest[size:]
+        if rest.shape[0]:
             rule = "must have no more numbers than effectors take"
-            raise ArgumentError("command", rule, f"{left.shape[0]} of {command.shape[0]} more")
+            raise ArgumentError("command", rule, f"{rest.shape[0]} of {command.shape[0]} more")
         return Shares(tuple(uses))
 
 
@@ -178,17 +178,17 @@ class WheelsFirst(AbstractDistribution):
         others = tuple(one for one in effectors if not isinstance(one, Wheels))
         momentum = wheel_momentum(state)
         if self.relief is None or momentum is None:
-            wheels, left = self._shared(command)
+            wheels, remainder = self._shared(command)
             rest = command[:0] if self.rest is None else self.rest @ command
         else:
-            wheels, rest, left = self._relieved(self.relief, state.omega, momentum, command)
+            wheels, rest, remainder = self._relieved(self.relief, state.omega, momentum, command)
         if not any(one.command_size for one in others):
-            left, rest = left + torque_of(rest), rest[:0]
+            remainder, rest = remainder + torque_of(rest), rest[:0]
         if self.friction is not None and momentum is not None:
             wheels = self.friction.motor_torque(wheels, momentum)
         uses = iter(Direct()(t, state, rest, others).uses)
         each = tuple(wheels if isinstance(one, Wheels) else next(uses) for one in effectors)
-        return Shares(each, left)
+        return Shares(each, remainder)
 
     def _relieved(
         self, relief: Relief, omega: Vector, momentum: Float[Array, " wheels"], command: Vector

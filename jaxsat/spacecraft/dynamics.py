@@ -275,8 +275,8 @@ class RigidBody(eqx.Module):
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "RigidBody":
         """Return this body with each effector in the smooth piece that the event signs give."""
-        held, begin = [], 0
+        pieces, begin = [], 0
         for one in self.effectors:
-            held.append(one.smooth_piece(signs[begin : begin + one.event_count]))
+            pieces.append(one.smooth_piece(signs[begin : begin + one.event_count]))
             begin += one.event_count
-        return self.with_effectors(tuple(held))
+        return self.with_effectors(tuple(pieces))

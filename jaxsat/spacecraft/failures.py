@@ -32,11 +32,11 @@ class LastFailure(NamedTuple):
         """Return gain and level of each two-sided actuator."""
         kind, amount = self.kind, self.amount
         stuck = (kind == FailureKind.STUCK_ON) | (kind == FailureKind.STUCK_AT)
-        held = jnp.where(kind == FailureKind.STUCK_ON, 1.0, amount)
-        left = jnp.where(kind == FailureKind.DEGRADED, amount, 1.0)
-        left = jnp.where(kind == FailureKind.REVERSED, -1.0, left)
-        left = jnp.where(stuck | (kind == FailureKind.DEAD), 0.0, left)
-        return left, jnp.where(stuck, held, 0.0)
+        level = jnp.where(kind == FailureKind.STUCK_ON, 1.0, amount)
+        gain = jnp.where(kind == FailureKind.DEGRADED, amount, 1.0)
+        gain = jnp.where(kind == FailureKind.REVERSED, -1.0, gain)
+        gain = jnp.where(stuck | (kind == FailureKind.DEAD), 0.0, gain)
+        return gain, jnp.where(stuck, level, 0.0)
 
 
 class AbstractFailures(eqx.Module):
@@ -156,10 +156,10 @@ class FailureEvents(AbstractFailures):
     ) -> "ThrusterCondition":
         kind, amount = last.kind, last.amount
         silent = (kind == FailureKind.DEAD) | (kind == FailureKind.STUCK_AT) | paused
-        held = (kind == FailureKind.STUCK_AT) | (kind == FailureKind.LEAKING)
+        partial = (kind == FailureKind.STUCK_AT) | (kind == FailureKind.LEAKING)
         return ThrusterCondition(
             jnp.where(silent, 0.0, jnp.where(kind == FailureKind.DEGRADED, amount, 1.0)),
-            jnp.where(kind == FailureKind.STUCK_ON, 1.0, jnp.where(held, amount, 0.0)),
+            jnp.where(kind == FailureKind.STUCK_ON, 1.0, jnp.where(partial, amount, 0.0)),
             jnp.where(kind == FailureKind.DELAYED, amount, 0.0),
             self._turned(last, torque),
         )

@@ -215,13 +215,13 @@ class ControlMomentGyros(AbstractEffector):
         if self.failures is None:
             return self, command
         locked, slowing = self._condition(struck)
-        left = eqx.tree_at(
+        intact = eqx.tree_at(
             lambda one: (one.failures, one.slowing),
             self,
             (None, slowing),
             is_leaf=lambda x: x is None,
         )
-        return left, jnp.where(locked, 0.0, command)
+        return intact, jnp.where(locked, 0.0, command)
 
     def reach(self, t, plant, state: GyroStates, struck, span) -> Reach:
         """Return the torque of each gyro per gimbal rate (rad/s), -H (cos δ t - sin δ s), N m."""

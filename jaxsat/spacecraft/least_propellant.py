@@ -123,13 +123,13 @@ class LeastPropellant(eqx.Module):
         best = jnp.argmax(reduce(_smaller, candidates.T))
         duty = positive_part(candidates[best])
         within_bounds = jnp.max(duty) <= 1
-        bounded, missed = self._bounded(jnp.ones_like(duty), torque, None, ~within_bounds)
-        return (jnp.where(within_bounds, duty, bounded), jnp.where(within_bounds, 0.0, missed))
+        bounded, shortfall = self._bounded(jnp.ones_like(duty), torque, None, ~within_bounds)
+        return (jnp.where(within_bounds, duty, bounded), jnp.where(within_bounds, 0.0, shortfall))
 
     def _bounded(self, limit, torque, first, runs):
         upper = limit * self.size
-        thrust, missed = least_price(self.units, upper, self.price, torque, first, runs)
-        return within(thrust / self.size, 0 * limit, limit), missed
+        thrust, shortfall = least_price(self.units, upper, self.price, torque, first, runs)
+        return within(thrust / self.size, 0 * limit, limit), shortfall
 
 
 def _smaller(x: Float[Array, " bases"], y: Float[Array, " bases"]) -> Float[Array, " bases"]:
@@ -222,7 +222,7 @@ def _pivot(programme: Programme, torque: Vector, at: Vertex) -> Vertex:
     place = jnp.arange(upper.shape[0])
     side = jnp.where(place == at.members[leaves], -way[leaves], at.side)
     begins = jnp.where(at.side[enters] < 0, upper[enters], 0.0)
-    moved = at._replace(
+    vertex = at._replace(
         members=jnp.where(hit, enters, at.members),
         columns=jnp.where(hit[:, None], units[:, enters][None], at.columns),
         price=jnp.where(hit, price[enters], at.price),
@@ -232,7 +232,7 @@ def _pivot(programme: Programme, torque: Vector, at: Vertex) -> Vertex:
         ahead=(1 - step) * at.ahead,
         pivots=at.pivots + 1,
     )
-    return _next_leg(upper, torque, moved, turns, jnp.where(nearest < 1, normal, 0.0))
+    return _next_leg(upper, torque, vertex, turns, jnp.where(nearest < 1, normal, 0.0))
 
 
 def _next_leg(

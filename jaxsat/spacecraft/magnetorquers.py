@@ -109,8 +109,8 @@ class Magnetorquers(AbstractEffector):
         if self.failures is None:
             return self, command
         gain, level = self.failures.two_signed(struck, self.count)
-        left = eqx.tree_at(lambda one: one.failures, self, None)
-        return left, gain * self.piece((), command) + level * self.dipole_limit
+        intact = eqx.tree_at(lambda one: one.failures, self, None)
+        return intact, gain * self.piece((), command) + level * self.dipole_limit
 
     def reach(self, t, plant, state: None, struck, span) -> Reach:
         """Return the torque of each per 1 A m², a × B (N m), a its axis: all perpendicular to B."""
@@ -181,8 +181,8 @@ class MagneticSteering(AbstractSteering):
         axes, working = np.asarray(effector.axes), [not one.failed for one in tables]
         shares = np.zeros((axes.shape[1], 3))
         shares[working] = np.linalg.pinv(axes[:, working])
-        limit, (wheels, left, unloading, bias) = effector.dipole_limit, context
-        return cls(effector.field, axes, shares, limit, left, unloading, wheels, bias)
+        limit, (wheels, rest, unloading, bias) = effector.dipole_limit, context
+        return cls(effector.field, axes, shares, limit, rest, unloading, wheels, bias)
 
     def __call__(
         self, t: RealScalar, state: PlantState, command: Vector
@@ -200,8 +200,8 @@ class MagneticSteering(AbstractSteering):
         Dipoles that are commanded `besides` (A m², within the limits) leave them the rest.
         """
         reach = self.reach(field)
-        left = reach._replace(low=reach.low - besides, high=reach.high - besides)
-        dipoles = allocate(left, reach.columns @ self.unlimited(field, torque)).use
+        room = reach._replace(low=reach.low - besides, high=reach.high - besides)
+        dipoles = allocate(room, reach.columns @ self.unlimited(field, torque)).use
         return dipoles, reach.columns @ dipoles
 
     def shortened(self, dipoles: Float[Array, " k"]) -> Float[Array, " k"]:

@@ -79,10 +79,10 @@ class Steered(AbstractDistribution):
         else:
             shares = self.rest(t, state, command, others)
             beyond = self.rest.out_of_reach(beyond, others)
-        left = None if shares.left is None else shares.left - torque_of(beyond)
+        rest = None if shares.left is None else shares.left - torque_of(beyond)
         queue = iter(shares.uses)
         uses = tuple(steered[kind] if kind in steered else next(queue) for kind in kinds)
-        return Shares(uses, left)
+        return Shares(uses, rest)
 
     def tells_left(self, effectors) -> bool:
         """Whether `Shares.left` is computed: with steering alone, or if `rest` does so."""

@@ -40,10 +40,10 @@ def _part_up_to(
     facet: Vector,
     units: Float[Array, "3 m"],
     bounds: tuple[Float[Array, " m"] | None, Float[Array, " m"]],
-    made: Vector | None,
-    wanted: Vector,
+    start: Vector | None,
+    torque: Vector,
 ) -> Vector:
-    """Return the part of a `wanted` torque up to a `facet` of the torque set, from `made` on (N m).
+    """Return the part of a `torque` up to a `facet` of the torque set, from `start` on (N m).
 
     The torques along `units` are between two `bounds` (N m). None is zero. A zero facet does not
     bound.
@@ -53,11 +53,11 @@ def _part_up_to(
     farthest = jnp.sum(jnp.where(along > zero_below(high), along, 0.0) * high)
     if low is not None:
         farthest = farthest + jnp.sum(jnp.where(along < -zero_below(high), along, 0.0) * low)
-    speed = jnp.sum(facet * wanted)
+    speed = jnp.sum(facet * torque)
     ends = speed > 0
-    ahead = farthest if made is None else farthest - jnp.sum(facet * made)
+    ahead = farthest if start is None else farthest - jnp.sum(facet * start)
     part = ahead / jnp.where(ends, speed, 1.0)
-    return jnp.where(ends & (part < 1), part, 1.0) * wanted
+    return jnp.where(ends & (part < 1), part, 1.0) * torque
 
 
 def begun_legs(

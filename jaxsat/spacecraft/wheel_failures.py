@@ -37,9 +37,9 @@ class WheelFailures(AbstractFailures):
         last = self.last(struck, wheels)
         kind, amount = last.kind, last.amount
         silent = (kind == WheelFailureKind.DEAD) | (kind == WheelFailureKind.STOPPED)
-        left = jnp.where(kind == WheelFailureKind.DEGRADED, amount, 1.0)
+        gain = jnp.where(kind == WheelFailureKind.DEGRADED, amount, 1.0)
         return WheelCondition(
-            jnp.where(silent, 0.0, left),
+            jnp.where(silent, 0.0, gain),
             jnp.where(kind == WheelFailureKind.FRICTION_BY, amount, 1.0),
             jnp.where(kind == WheelFailureKind.FRICTION_TO, amount, 0.0),
             kind == WheelFailureKind.RUNAWAY,

@@ -25,8 +25,8 @@ def motor_torque(torque: OfEach, friction: OfEach, side: OfEach) -> OfEach:
     overcome it to break away.
     """
     most = jnp.maximum(friction, 0.0)
-    held = (1 - jnp.abs(side)) * jnp.clip(torque / SLIGHT, -most, most)
-    return torque - friction * side + held
+    stiction = (1 - jnp.abs(side)) * jnp.clip(torque / SLIGHT, -most, most)
+    return torque - friction * side + stiction
 
 
 class WheelFriction(eqx.Module):

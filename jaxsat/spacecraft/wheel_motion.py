@@ -88,13 +88,13 @@ class WheelStates(NamedTuple):
         torque, decay = self._unheld(wheels, drive)
         slowing = torque + decay * momentum + drag
         never = jnp.full_like(momentum, jnp.inf)
-        held = jnp.where(self.limited, -slowing * jnp.sign(momentum), never)
-        first, second = held, never
+        at_limit = jnp.where(self.limited, -slowing * jnp.sign(momentum), never)
+        first, second = at_limit, never
         if wheels.coulomb_friction is not None:
             friction = wheels.coulomb_friction
             passes = jnp.maximum(self.side * momentum, -slowing * self.side)
             rubs = self.turns & (friction > 0) & (self.side != 0)
-            first = jnp.where(rubs, passes, held)
+            first = jnp.where(rubs, passes, at_limit)
             rests = friction - jnp.abs(drive + drag)
             first = jnp.where(self.rests, rests, first)
         if wheels.momentum_limit is not None:

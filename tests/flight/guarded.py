@@ -180,7 +180,7 @@ class Flights:
         self.state: Any = jax.tree.map(lambda x: jnp.stack([jnp.asarray(x)] * count), first)
 
         def rows(number, state):
-            told = loop.told(number, state)
+            told = loop.law_input(number, state)
             measured: Any = Seen(told.state.attitude, told.state.omega, wheel_momentum(told.state))
             if told.navigation is not None:
                 momentum = wheel_momentum(told.state)

@@ -236,7 +236,7 @@ def test_a_guard_holds_for_as_many_samples_as_it_is_told():
     asked, state = jnp.array([3.0, -4.0]), guard.init(jnp.zeros(2))
     found = []
     for valid in (1, 0, 0, 0, 0, 1, 0):
-        chosen, state = guard.asked(guard.decide(jnp.array(valid == 1), state), asked, state)
+        chosen, state = guard.command(guard.decide(jnp.array(valid == 1), state), asked, state)
         found.append(float(chosen[1]))
         asked = asked + 1
     assert found == [-4.0, -4.0, -4.0, 0.0, 0.0, 1.0, 1.0]

@@ -80,7 +80,7 @@ def test_the_law_is_told_noisy_momenta_behind_either_kind_of_sensors(name):
 
     @jax.jit
     def momenta(number):
-        return wheel_momentum(run.loop.told(number, run.loop.start(run.start)).state)
+        return wheel_momentum(run.loop.law_input(number, run.loop.start(run.start)).state)
 
     told = momenta(jnp.array(7))
     np.testing.assert_array_equal(told[1:], [0.0, 0.0])

@@ -130,11 +130,11 @@ def _chosen(text: str, predicate: str, which: int) -> str:
         if depth == 1 and text.startswith(" : ", end):
             parts += [end, end + 3]
         end += 1
-    chosen = [text[parts[0] : parts[1]], text[parts[2] : end - 1]]
-    if not _NUMBER.fullmatch(chosen[1 - which]):
+    branches = [text[parts[0] : parts[1]], text[parts[2] : end - 1]]
+    if not _NUMBER.fullmatch(branches[1 - which]):
         return text
     is_call = re.search(r"\w$", text[:begin])
-    part = f"({chosen[which]})" if is_call else chosen[which]
+    part = f"({branches[which]})" if is_call else branches[which]
     return text[:begin] + part + text[end:]
 
 
@@ -187,8 +187,8 @@ def _whole(name, args, dtype, need) -> Expression | None:
     elif name == "shift_right_arithmetic":
         word = np.dtype(f"i{dtype.itemsize}")
         signed_args = [called(need("signed_of", dtype, None), arg) for arg in args]
-        moved = called(need(name, word, None), *signed_args)
-        return Expression(f"({TYPES[dtype]}){moved.text}", UNARY)
+        call = called(need(name, word, None), *signed_args)
+        return Expression(f"({TYPES[dtype]}){call.text}", UNARY)
     else:
         return None
     narrow = dtype.itemsize < 4

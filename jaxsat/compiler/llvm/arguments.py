@@ -101,9 +101,9 @@ class Arguments:
         """
         leaves: list[Any] = []
         for name, structure in self.structures.items():
-            got = jax.tree.structure(trees[name])
-            if got != structure:
-                raise ArgumentError(name, f"must be a tree of the structure {structure}", got)
+            given = jax.tree.structure(trees[name])
+            if given != structure:
+                raise ArgumentError(name, f"must be a tree of the structure {structure}", given)
             leaves += jax.tree.leaves(trees[name])
         arrays = [argument.taken(x) for argument, x in zip(self.leaves, leaves, strict=True)]
         counts = [

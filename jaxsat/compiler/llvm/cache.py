@@ -49,11 +49,11 @@ class _Unusable(OSError):
 
 def folder() -> Path:
     """Return the folder of machine code. Raises `OSError` where no absolute path is known."""
-    chosen = os.environ.get("JAXSAT_CACHE_DIR")
-    if chosen:
-        if not os.path.isabs(chosen):
-            raise _Unusable(f"JAXSAT_CACHE_DIR must be an absolute path, but is {chosen!r}")
-        return Path(chosen) / "native"
+    path = os.environ.get("JAXSAT_CACHE_DIR")
+    if path:
+        if not os.path.isabs(path):
+            raise _Unusable(f"JAXSAT_CACHE_DIR must be an absolute path, but is {path!r}")
+        return Path(path) / "native"
     if sys.platform == "darwin":
         base = _home() / "Library" / "Caches"
     elif sys.platform == "win32":
@@ -210,8 +210,8 @@ def _is_own_group(number: int) -> bool:
         group, user = grp.getgrgid(number), pwd.getpwuid(os.geteuid())
     except KeyError:
         return False
-    named = (group.gr_gid, group.gr_name) == (user.pw_gid, user.pw_name)
-    return named and set(group.gr_mem) <= {user.pw_name}
+    own = (group.gr_gid, group.gr_name) == (user.pw_gid, user.pw_name)
+    return own and set(group.gr_mem) <= {user.pw_name}
 
 
 def read(path: Path) -> bytes | None:

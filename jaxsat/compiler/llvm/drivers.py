@@ -70,10 +70,10 @@ def gather_text(name: str, kind: str, lanes: int) -> str:
 
 def scatter_text(name: str, kind: str, lanes: int) -> str:
     """Return `scatter(base, index, value, lane)`: stores of the selected lanes into an array."""
-    cells, indices, chosen = (vector_of(one, lanes) for one in (kind, "i64", "i1"))
+    cells, indices, mask = (vector_of(one, lanes) for one in (kind, "i64", "i1"))
     lines = [
         f"define internal void {name}(ptr %base, {indices} %index, {cells} %value, "
-        f"{chosen} %lane) noinline #0 {{"
+        f"{mask} %lane) noinline #0 {{"
     ]
     for lane in range(lanes):
         lines += [
@@ -95,6 +95,6 @@ def copy_text(name: str, kind: str, lanes: int) -> str:
 
     It calls `gather`; vectors are `ALIGNMENT` bytes apart, and lanes not selected keep theirs.
     """
-    cells, indices, chosen = (vector_of(one, lanes) for one in (kind, "i64", "i1"))
-    types = {"KIND": kind, "CELLS": cells, "INDICES": indices, "CHOSEN": chosen}
+    cells, indices, mask = (vector_of(one, lanes) for one in (kind, "i64", "i1"))
+    types = {"KIND": kind, "CELLS": cells, "INDICES": indices, "CHOSEN": mask}
     return _text("copy.ll", NAME=name, ALIGNMENT=ALIGNMENT, **types)

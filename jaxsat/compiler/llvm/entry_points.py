@@ -31,9 +31,9 @@ from jaxsat.compiler.llvm.emitter import (
 from jaxsat.compiler.llvm.function_emitter import FunctionEmitter
 from jaxsat.compiler.llvm.locations import (
     CONTEXT,
-    Known,
     Location,
     PerCase,
+    Places,
     ScalarArgument,
     SharedElement,
     Slot,
@@ -98,15 +98,15 @@ def emit_entry_point(module: Module, entry: EntryPoint) -> None:
         x.number: location for x, location in inputs if isinstance(location, SharedElement | Slot)
     }
     body = _EntryPointEmitter(module, parameter_locations(entry.function.block, locations))
-    moved = [
+    moves = [
         (result, location)
         for result, location in zip(entry.function.results, entry.outputs, strict=True)
         if not (isinstance(result, ir.Value) and locations.get(result.number) == location)
     ]
     of_cases = {x.number: place for x, place in inputs if isinstance(place, PerCase)}
-    copies, moved = _copies(moved, of_cases)
+    copies, moves = _copies(moves, of_cases)
     used = {number for step in entry.function.block.steps for number in ir.uses(step)}
-    used.update(ir.numbers_of(result for result, _ in moved))
+    used.update(ir.numbers_of(result for result, _ in moves))
     for param, location in inputs:
         if param.number not in of_cases or param.number in used:
             body.read(param, location)
@@ -116,7 +116,7 @@ def emit_entry_point(module: Module, entry: EntryPoint) -> None:
         for step in entry.function.block.steps
         if isinstance(step, ir.Operation) and step.name == "select"
     }
-    masked = [_new(result, location, locations, selections) for result, location in moved]
+    masked = [_new(result, location, locations, selections) for result, location in moves]
     for result, conditions, _ in masked:
         for scalar in (result, *conditions):
             body.operand(scalar)  # read before anything is written
@@ -145,12 +145,12 @@ _Written = tuple[ir.Scalar, list[ir.Scalar], Location]
 
 
 def _copies(
-    moved: Sequence[tuple[ir.Scalar, Location]], of_cases: Mapping[int, PerCase]
+    moves: Sequence[tuple[ir.Scalar, Location]], of_cases: Mapping[int, PerCase]
 ) -> tuple[list[_Copy], list[tuple[ir.Scalar, Location]]]:
     """What an entry point only copies from arrays of cases into the state, row by row; the rest."""
     copies: list[_Copy] = []
     rest = []
-    for result, location in moved:
+    for result, location in moves:
         source = of_cases.get(result.number) if isinstance(result, ir.Value) else None
         if source is None or not isinstance(location, Slot):
             rest.append((result, location))
@@ -170,12 +170,12 @@ def _new(
     result: ir.Scalar,
     location: Location,
     locations: Mapping[int, Location],
-    chosen: Mapping[int, ir.Operation],
+    selections: Mapping[int, ir.Operation],
 ) -> _Written:
     """What is new of a result where several conditions hold; elsewhere its location is kept."""
     conditions: list[ir.Scalar] = []
-    while isinstance(result, ir.Value) and result.number in chosen:
-        condition, yes, no = chosen[result.number].args
+    while isinstance(result, ir.Value) and result.number in selections:
+        condition, yes, no = selections[result.number].args
         if not (isinstance(no, ir.Value) and locations.get(no.number) == location):
             break
         if ir.is_uniform(condition):
@@ -188,8 +188,8 @@ def _new(
 class _EntryPointEmitter(FunctionEmitter):
     """Emits a function that reads and writes locations."""
 
-    def __init__(self, module: Module, known: Mapping[int, Known]):
-        super().__init__(module, known)
+    def __init__(self, module: Module, places: Mapping[int, Places]):
+        super().__init__(module, places)
         lanes = module.lanes
         bytes_ = vector_of("i8", lanes)
         self.line(f"%number = load {vector_of('i64', lanes)}, ptr %cases, align 64")
@@ -238,10 +238,10 @@ class _EntryPointEmitter(FunctionEmitter):
 
     def _indices(self, location: PerCase) -> str:
         lanes, wide = self.module.lanes, vector_of("i64", self.module.lanes)
-        scaled, moved = self.fresh(), self.fresh()
+        scaled, index = self.fresh(), self.fresh()
         self.line(f"{scaled} = mul {wide} %number, {splat(f'i64 {location.size}', lanes)}")
-        self.line(f"{moved} = add {wide} {scaled}, {splat(f'i64 {location.element}', lanes)}")
-        return moved
+        self.line(f"{index} = add {wide} {scaled}, {splat(f'i64 {location.element}', lanes)}")
+        return index
 
     def _lanes(self, conditions: Sequence[ir.Scalar]) -> str:
         """The selected lanes in which conditions hold."""

@@ -25,7 +25,7 @@ from jaxsat.compiler.llvm.emitter import (
     type_of,
     vector_of,
 )
-from jaxsat.compiler.llvm.locations import CONTEXT, Known, rematerialise
+from jaxsat.compiler.llvm.locations import CONTEXT, Places, rematerialise
 from jaxsat.compiler.operations import OPERATIONS
 from jaxsat.compiler.passes.scheduling import fused_products
 
@@ -45,29 +45,29 @@ for it is compiled sooner.
 """
 
 
-def internal(module: Module, function: ir.Function, known: Known) -> tuple[str, bool]:
+def internal(module: Module, function: ir.Function, places: Places) -> tuple[str, bool]:
     """Return the name of an internal function, printed once, and whether it needs the arena.
 
-    It reads parameters whose places are `known` itself.
+    It reads parameters that have `places` itself.
     """
     entry = module.printed.get(id(function))
     if entry is None:
         name, number = f'@"{function.name}"', 0
-        text, in_arena = _printed(module, name, function, known)
+        text, in_arena = _printed(module, name, function, places)
         while module.functions.setdefault(name, text) != text:
             number += 1  # another function has the name
             name = f'@"{function.name}.{number}"'
-            text, in_arena = _printed(module, name, function, known)
+            text, in_arena = _printed(module, name, function, places)
         entry = module.printed[id(function)] = (name, function, in_arena)
     return entry[0], entry[2]
 
 
-def _printed(module: Module, name: str, function: ir.Function, known: Known) -> tuple[str, bool]:
+def _printed(module: Module, name: str, function: ir.Function, places: Places) -> tuple[str, bool]:
     body = FunctionEmitter(module)
-    params = [CONTEXT] if known else []
+    params = [CONTEXT] if places else []
     for param in function.params:
-        if param.number in known:
-            rematerialise(body, param, known[param.number])
+        if param.number in places:
+            rematerialise(body, param, places[param.number])
         else:
             params.append(f"{type_of(param, module.lanes)} {body.name(param)}")
     body.program(function)
@@ -102,11 +102,11 @@ def aggregate(body: AbstractEmitter, results: Sequence[ir.Scalar], names: Sequen
 
 
 class FunctionEmitter(AbstractEmitter):
-    """Lines of one function, step by step; parameters with `known` locations are not passed."""
+    """Lines of one function, step by step; parameters with `places` are not passed."""
 
-    def __init__(self, module: Module, known: Mapping[int, Known] | None = None):
+    def __init__(self, module: Module, places: Mapping[int, Places] | None = None):
         super().__init__(module)
-        self.known = known or {}
+        self.places = places or {}
         self._reads: Counter[int] = Counter()  # of values, in a module that fuses
 
     def program(self, function: ir.Function) -> None:
@@ -222,11 +222,11 @@ class FunctionEmitter(AbstractEmitter):
         self.line(f"{out} = {conversion(old, new)} {before} {x} to {after}")
 
     def _call(self, step: ir.Call) -> None:
-        known = self.known.get(id(step.function), {})
-        name, in_arena = internal(self.module, step.function, known)
-        passed = [CONTEXT.replace("noalias ", "")] if known else []
+        places = self.places.get(id(step.function), {})
+        name, in_arena = internal(self.module, step.function, places)
+        passed = [CONTEXT.replace("noalias ", "")] if places else []
         for param, arg in zip(step.function.params, step.args, strict=True):
-            if param.number not in known:
+            if param.number not in places:
                 kind = type_of(param, self.module.lanes)
                 passed.append(f"{kind} {self.operand(arg, not param.uniform)}")
         if in_arena:

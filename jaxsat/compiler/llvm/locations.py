@@ -46,7 +46,7 @@ class ScalarArgument:
 
 
 Location = PerCase | SharedElement | Slot | ScalarArgument
-Known = Mapping[int, SharedElement | Slot]
+Places = Mapping[int, SharedElement | Slot]
 """Locations of values by number, for all functions with the entry point's pointers."""
 
 CONTEXT = "ptr noalias %pointers, ptr noalias %state"
@@ -92,7 +92,7 @@ def _address(emitter: AbstractEmitter, dtype: np.dtype, location: SharedElement)
 
 
 def parameter_locations(
-    block: Block, locations: Known
+    block: Block, locations: Places
 ) -> dict[int, dict[int, SharedElement | Slot]]:
     """Return the parameters always in one location, for functions that an entry point calls.
 
@@ -100,7 +100,7 @@ def parameter_locations(
     """
     calls = list(block.calls())
     inner = {id(call.function) for outer in calls for call in outer.function.block.calls()}
-    known: dict[int, dict[int, SharedElement | Slot]] = {}
+    places: dict[int, dict[int, SharedElement | Slot]] = {}
     functions: dict[int, Function] = {id(call.function): call.function for call in calls}
     for identity, function in functions.items():
         if identity in inner:
@@ -110,5 +110,5 @@ def parameter_locations(
             numbers = {arg.number if isinstance(arg, Value) else None for arg in args}
             number = numbers.pop()
             if not numbers and number is not None and number in locations:
-                known.setdefault(identity, {})[param.number] = locations[number]
-    return known
+                places.setdefault(identity, {})[param.number] = locations[number]
+    return places

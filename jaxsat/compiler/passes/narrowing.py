@@ -164,14 +164,14 @@ class _Narrowing:
         if sizes and max(sizes) > MOST:
             return True
         before = {node(x) for x in step.args if isinstance(x, ir.Value)}
-        seen: set[Hashable] = set()
+        visited: set[Hashable] = set()
         waiting: list[Hashable] = [step.out.number]
         while waiting:
             one = waiting.pop()
-            if one not in seen:
-                seen.add(one)
+            if one not in visited:
+                visited.add(one)
                 waiting += self._after.get(one, ())
-        return bool(before & seen)
+        return bool(before & visited)
 
 
 def _units(function: ir.Function) -> set[int]:

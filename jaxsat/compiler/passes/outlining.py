@@ -54,7 +54,7 @@ class Outline:
     functions: dict[int, tuple[Jaxpr, str, str, int]] = field(default_factory=dict)
     frames: dict[int, tuple[Frame, ...]] = field(default_factory=dict)
 
-    kept: list[Any] = field(default_factory=list)
+    owners: list[Any] = field(default_factory=list)
     """Objects that identities belong to, kept alive."""
 
     def changed(self, eqn: Equation, **parts: Any) -> Equation:
@@ -62,7 +62,7 @@ class Outline:
         replacement = replace(eqn, **parts)
         if id(eqn) in self.frames:
             self.frames[id(replacement)] = self.frames[id(eqn)]
-            self.kept.append(replacement)
+            self.owners.append(replacement)
         return replacement
 
 
@@ -192,7 +192,7 @@ def _make(outline: Outline, group: list[Node], values: Values) -> None:
             Frame(name.split(".<locals>")[0], file, line) for name, file, line, _ in node.caller
         )
         outline.frames[id(node.call)] = frames
-        outline.kept.append(node.call)
+        outline.owners.append(node.call)
 
 
 def _put_before(group: Sequence[Node], values: Values) -> None:
@@ -200,7 +200,7 @@ def _put_before(group: Sequence[Node], values: Values) -> None:
     counts = range(len(group[0].eqns))
     sources = [_makers(node) for node in group]
     needs: dict[int, set[int]] = {}  # of what can be before: which equations it needs
-    moved: set[int] = set()
+    numbers: set[int] = set()
     for number in counts:
         makers = {maker for by_equation in sources for maker in by_equation[number]}
         shared = all(_is_shared(node, number, values) for node in group)
@@ -208,10 +208,10 @@ def _put_before(group: Sequence[Node], values: Values) -> None:
         if makers <= needs.keys() and (shared or move):
             needs[number] = {number}.union(*(needs[maker] for maker in makers))
             if shared and _is_dear(group[0].eqns[number]):
-                moved |= needs[number]
+                numbers |= needs[number]
     for node in group:
-        node.before = [node.eqns[number] for number in counts if number in moved]
-        node.eqns = [node.eqns[number] for number in counts if number not in moved]
+        node.before = [node.eqns[number] for number in counts if number in numbers]
+        node.eqns = [node.eqns[number] for number in counts if number not in numbers]
 
 
 def _makers(node: Node) -> list[set[int]]:
@@ -254,6 +254,6 @@ def _cost(eqn: Equation) -> float:
         return sum((_cost(eqn) for one in programs for eqn in one.equations), 0.0)
     if name == "dot_general":
         (summed, _), _ = eqn.parameters["dimension_numbers"]
-        left: Any = eqn.inputs[0].aval
-        return 2 * size * float(np.prod([left.shape[axis] for axis in summed]))
+        operand: Any = eqn.inputs[0].aval
+        return 2 * size * float(np.prod([operand.shape[axis] for axis in summed]))
     return 0.0 if name in MOVES else size

@@ -84,8 +84,8 @@ class Comparisons:
         return int(args[1] if args[0] is no else args[0])  # pyright: ignore
 
     def _of(self, predicate: Scalar) -> tuple[str, tuple[Scalar, ...]]:
-        known = self._made.get(predicate.number) if isinstance(predicate, Value) else None
-        return known or ("", ())
+        parts = self._made.get(predicate.number) if isinstance(predicate, Value) else None
+        return parts or ("", ())
 
 
 def _compared(name: str, within: Bounds, number: int) -> Bounds:

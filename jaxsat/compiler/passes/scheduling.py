@@ -73,18 +73,18 @@ def merge_cold_branches(block: ir.Block) -> None:
     _merge(block, {})
 
 
-def _merge(block: ir.Block, known: ir.Known) -> None:
+def _merge(block: ir.Block, memo: ir.Memo) -> None:
     for step in block.steps:
         for inside in ir.blocks_in(step):
-            _merge(inside, known)
+            _merge(inside, memo)
     if not any(isinstance(step, ir.BlockSwitch) and step.cold for step in block.steps):
         return
     depths: dict[int, int] = {}  # by value and memory: how many switches one after the other
     plain: dict[int, list[ir.Step]] = defaultdict(list)
     cold: dict[int, list[ir.BlockSwitch]] = defaultdict(list)
     for step in block.steps:
-        touched = [memory.number for memory in ir.memories(step, known)]
-        depth = max((depths.get(n, 0) for n in chain(ir.uses(step, known), touched)), default=0)
+        touched = [memory.number for memory in ir.memories(step, memo)]
+        depth = max((depths.get(n, 0) for n in chain(ir.uses(step, memo), touched)), default=0)
         is_cold = isinstance(step, ir.BlockSwitch) and step.cold
         (cold if is_cold else plain)[depth].append(step)  # pyright: ignore
         after = [out.number for out in ir.definitions(step)]
@@ -120,19 +120,19 @@ def schedule(block: ir.Block, results: Iterable[ir.Scalar]) -> None:
     _schedule(block, results, {})
 
 
-def _schedule(block: ir.Block, results: Iterable[ir.Scalar], known: ir.Known) -> None:
+def _schedule(block: ir.Block, results: Iterable[ir.Scalar], memo: ir.Memo) -> None:
     for step in block.steps:
         match step:
             case ir.Loop():
-                _schedule(step.condition, [step.active], known)
-                _schedule(step.body, step.after, known)
+                _schedule(step.condition, [step.active], memo)
+                _schedule(step.body, step.after, memo)
             case ir.BlockSwitch():
                 for inside, yields in zip(step.blocks, step.yields, strict=True):
-                    _schedule(inside, yields, known)
+                    _schedule(inside, yields, memo)
             case _:
                 pass
     outputs = set(ir.numbers_of(results))
-    block.steps = _list_scheduled(_nodes(block.steps, outputs, known))
+    block.steps = _list_scheduled(_nodes(block.steps, outputs, memo))
 
 
 class _Node:
@@ -178,8 +178,8 @@ def _list_scheduled(nodes: list[_Node]) -> list[ir.Step]:
     return order
 
 
-def _nodes(steps: Sequence[ir.Step], outputs: set[int], known: ir.Known) -> list[_Node]:
-    reads = [set(ir.uses(step, known)) for step in steps]
+def _nodes(steps: Sequence[ir.Step], outputs: set[int], memo: ir.Memo) -> list[_Node]:
+    reads = [set(ir.uses(step, memo)) for step in steps]
     counts = Counter(chain(*reads, outputs, outputs))
     nodes: list[_Node] = []
     maker: dict[int, int] = {}
@@ -197,7 +197,7 @@ def _nodes(steps: Sequence[ir.Step], outputs: set[int], known: ir.Known) -> list
         number = len(nodes)
         nodes.append(node)
         node.before = {maker[n] for n in node.reads if n in maker}
-        for memory in ir.memories(step, known):
+        for memory in ir.memories(step, memo):
             node.before.update({touched[memory.number]} if memory.number in touched else ())
             touched[memory.number] = number
         maker.update((out.number, number) for out in ir.definitions(step))

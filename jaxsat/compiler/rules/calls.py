@@ -151,9 +151,9 @@ def _python_function(b: Builder, inner, arrays: Sequence[Elements], folded: Sequ
 
 def _argument(b: Builder, x: Scalar) -> Value:
     """Return the argument of a function that stands for a number, of the same range."""
-    argument, known = Value(x.dtype, True), b.ranges.of(x)
-    if known is not None:
-        b.ranges.note(argument, *known)
+    argument, bounds = Value(x.dtype, True), b.ranges.of(x)
+    if bounds is not None:
+        b.ranges.note(argument, *bounds)
     return argument
 
 
@@ -191,8 +191,10 @@ def _nextafter(x: Array, y: Array) -> Array:
     bits = lax.bitcast_convert_type(x, whole)
     outwards = jnp.where((y > x) == (x > 0), bits + 1, bits - 1)
     least = lax.bitcast_convert_type(jnp.ones_like(bits), x.dtype)
-    moved = jnp.where(x == 0, jnp.copysign(least, y), lax.bitcast_convert_type(outwards, x.dtype))
-    return jnp.where(x == y, y, jnp.where((x != x) | (y != y), np.nan, moved))
+    neighbour = jnp.where(
+        x == 0, jnp.copysign(least, y), lax.bitcast_convert_type(outwards, x.dtype)
+    )
+    return jnp.where(x == y, y, jnp.where((x != x) | (y != y), np.nan, neighbour))
 
 
 def _clz(x: Array) -> Array:

@@ -133,11 +133,11 @@ def extremum(b: Builder, name: str, x: Scalar, y: Scalar) -> Scalar:
 def _select(b: Builder, which: Scalar, *cases: Scalar) -> Scalar:
     if which.dtype == BOOL:
         return b.select(which, cases[1], cases[0]) if len(cases) == 2 else cases[0]
-    chosen = cases[-1]
+    result = cases[-1]
     for number in reversed(range(len(cases) - 1)):
         here = b.operation("le", which, which.dtype.type(number))
-        chosen = b.select(here, cases[number], chosen)
-    return chosen
+        result = b.select(here, cases[number], result)
+    return result
 
 
 def _not(b: Builder, x: Scalar) -> Scalar:

@@ -61,11 +61,11 @@ def element(b: Builder, elements: Sequence[Scalar], index: Scalar) -> Scalar:
         return b.load(memory, index)
     if b.compact or len(elements) > CHOSEN:
         return b.load(stored(b, np.array(list(elements), object)), index)
-    chosen = elements[-1]
+    result = elements[-1]
     for number in reversed(range(len(elements) - 1)):
         here = b.operation("le", index, index.dtype.type(number))
-        chosen = b.select(here, elements[number], chosen)
-    return chosen
+        result = b.select(here, elements[number], result)
+    return result
 
 
 def _index(b: Builder, x: Scalar) -> Scalar:

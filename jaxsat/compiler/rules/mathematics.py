@@ -71,7 +71,7 @@ def _sine_or_cosine(b: Builder, eqn, x: Elements) -> Elements:
         if results is None:  # else the builder would share every operation
             closed = program("near_sincos", y.dtype)  # of one alone, the other is dead code
             results = [result[()] for result in lower(b, closed, [filled((), y)])]
-            b.block.known["near_sincos", y.number] = results
+            b.block.values["near_sincos", y.number] = results
         return b.cold_branch(results[-1], long_way, results[place])
 
     return each(one, x)
@@ -108,12 +108,12 @@ def _integer_pow(b: Builder, eqn, x: Elements) -> Elements:
 def power(b: Builder, x: Scalar, exponent: int) -> Scalar:
     """Return x to an integer power, by repeated squaring."""
     one = x.dtype.type(1)
-    product, square, left = None, x, abs(exponent)
-    while left:
-        if left & 1:
+    product, square, bits = None, x, abs(exponent)
+    while bits:
+        if bits & 1:
             product = square if product is None else b.operation("mul", product, square)
-        left >>= 1
-        if left:
+        bits >>= 1
+        if bits:
             square = b.operation("mul", square, square)
     if product is None:
         return one

@@ -55,10 +55,10 @@ def _iota(eqn) -> Elements:
 def _platform_index(eqn) -> Elements:
     """Return the branch of the CPU platform, else the one for all."""
     platforms = eqn.parameters["platforms"]
-    chosen = next((i for i, names in enumerate(platforms) if names and "cpu" in names), None)
-    if chosen is None:
-        chosen = next(i for i, names in enumerate(platforms) if names is None)
-    return as_elements(np.int32(chosen))
+    branch = next((i for i, names in enumerate(platforms) if names and "cpu" in names), None)
+    if branch is None:
+        branch = next(i for i, names in enumerate(platforms) if names is None)
+    return as_elements(np.int32(branch))
 
 
 def _empty(eqn) -> Elements:

@@ -154,10 +154,10 @@ class DynamicsFilter(AbstractKalmanFilter):
         rate, valid = measurement.rate, measurement.valid
         if self.gyro is None or rate is None or earlier is None:
             return None
-        seen = jnp.all(jnp.abs(rate) < self.gyro.limit)
-        seen = seen if valid is None else seen & valid
+        valid_now = jnp.all(jnp.abs(rate) < self.gyro.limit)
+        valid_now = valid_now if valid is None else valid_now & valid
         values = jnp.concatenate([earlier.value, rate[None]])
-        return SensorReading(values, jnp.concatenate([earlier.seen, seen[None]]))
+        return SensorReading(values, jnp.concatenate([earlier.seen, valid_now[None]]))
 
     def gauged(
         self,
@@ -195,8 +195,8 @@ class DynamicsFilter(AbstractKalmanFilter):
         if excess is not None:
             begin, excess = begin - excess, jnp.zeros_like(excess)
         half, attitude = length / 2, Quaternion(belief.q)
-        known = self.body.disturbance_torque(time + half, PlantState(attitude, belief.omega))
-        torque = torque + known + belief.torque
+        model_torque = self.body.disturbance_torque(time + half, PlantState(attitude, belief.omega))
+        torque = torque + model_torque + belief.torque
         inverse = self.body.spacecraft.inverse_inertia
         angle = self._angle(belief.omega, begin, end, torque, length)
         turn = rotation(angle)
@@ -262,11 +262,11 @@ class DynamicsFilter(AbstractKalmanFilter):
             noise.append([*([zero] * len(sizes)), identity])
             sizes.append(self.momentum_noise)
         transition = jnp.block(rows)
-        moved = transition @ covariance @ transition.T
+        after = transition @ covariance @ transition.T
         for column, size in zip(zip(*noise, strict=True), sizes, strict=True):
             by = jnp.concatenate(column)
-            moved = moved + by @ size @ by.T
-        return (moved + moved.T) / 2
+            after = after + by @ size @ by.T
+        return (after + after.T) / 2
 
 
 AXES = (range(3), range(3, 6), range(9, 12))

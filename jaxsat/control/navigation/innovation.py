@@ -90,29 +90,29 @@ class InnovationTest(eqx.Module):
         sensor: int,
         square: RealScalar,
         limit: RealScalar,
-        seen: BoolScalar,
+        valid: BoolScalar,
         white: Vector | None = None,
     ) -> tuple[BoolScalar, InnovationRecord]:
         """Return whether a reading is used, and the record after it.
 
-        `square` is its νᵀS⁻¹ν, to be at most `limit`; there is no reading where it is not `seen`.
+        `square` is its νᵀS⁻¹ν, to be at most `limit`; there is no reading where it is not `valid`.
         For a gyro its innovation is given as `white` numbers of unit variance.
         """
         mean = record.mean
         if mean is not None and white is not None:
-            counts = seen & (square <= limit)
+            counts = valid & (square <= limit)
             mean = jnp.where(counts, (1 - MEMORY) * mean + MEMORY * white, mean)
             square = jnp.maximum(square, (2 - MEMORY) / MEMORY * jnp.sum(mean**2))
         before = record.streak[sensor]
         present, good = before < self.patience, square <= limit
         streak = jnp.where(good == present, jnp.where(present, 0.0, self.patience), before + 1)
         streak = jnp.where(streak >= self.patience + self.probation, 0.0, streak)
-        mine = (jnp.arange(record.streak.shape[0]) == sensor) & seen
+        mine = (jnp.arange(record.streak.shape[0]) == sensor) & valid
         rejected = jnp.where(present & ~good, 1.0, 0.0)
         begins = jnp.where(present & (streak >= self.patience), 1.0, 0.0)
         if mean is not None and white is not None:
             mean = jnp.where(present & (streak < self.patience), mean, 0.0)
-        return seen & present & good, InnovationRecord(
+        return valid & present & good, InnovationRecord(
             jnp.where(mine, streak, record.streak),
             jnp.where(mine, square / limit, record.innovation),
             jnp.where(mine, record.rejections + rejected, record.rejections),

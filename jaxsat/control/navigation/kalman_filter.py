@@ -170,7 +170,7 @@ def _taken_in(
     off: Vector,
     axes: Matrix,
     variances: tuple[RealScalar, ...],
-    seen: BoolScalar,
+    valid: BoolScalar,
     *errors: int,
 ) -> tuple[B, RealScalar, Vector | None]:
     """The belief after measurement of a small rotation (rad) by its components along `axes`.
@@ -182,7 +182,7 @@ def _taken_in(
     """
     changes, square, white = None, jnp.zeros_like(off[0]), []
     for axis, variance in zip(axes, variances, strict=True):
-        belief, (each, scale) = belief.narrowed(axis, variance, seen, *errors)
+        belief, (each, scale) = belief.narrowed(axis, variance, valid, *errors)
         if changes is None:
             changes = tuple(jnp.zeros_like(one) for one in each)
         first, *others = (changes[one] for one in errors or (0,))
@@ -195,4 +195,4 @@ def _taken_in(
     if not errors:
         return after, square, None
     innovations, scales = map(jnp.stack, zip(*white, strict=True))
-    return after, square, innovations * jnp.sqrt(jnp.where(seen, scales, 1.0))
+    return after, square, innovations * jnp.sqrt(jnp.where(valid, scales, 1.0))

@@ -44,9 +44,9 @@ class MotionBelief(NamedTuple):
         self, attitude: Vector, omega: Vector, torque: Vector, *more: Vector
     ) -> "MotionBelief":
         """The motion turned by a small rotation (rad), with changes of the rest in its order."""
-        q, left = Quaternion(self.q).turned(attitude).q, iter(more)
-        bias = None if self.bias is None else self.bias + next(left)
-        excess = None if self.excess is None else self.excess + next(left)
+        q, changes = Quaternion(self.q).turned(attitude).q, iter(more)
+        bias = None if self.bias is None else self.bias + next(changes)
+        excess = None if self.excess is None else self.excess + next(changes)
         return MotionBelief(
             q, self.omega + omega, self.torque + torque, self.covariance, bias, excess
         )

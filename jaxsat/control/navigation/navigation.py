@@ -56,7 +56,7 @@ class NavigationState(NamedTuple):
     torque: Vector | None = None
 
 
-class Told(NamedTuple):
+class LawInput(NamedTuple):
     """Input of a law at a sample; with sensors and estimator that have a state, also the next
     state.
 
@@ -181,16 +181,16 @@ class Navigation(eqx.Module):
         ]
         return sum(parts[1:], parts[0]) if parts else None
 
-    def outer_torque(self, t: RealScalar, told: PlantState, commands: OfEach) -> Vector:
+    def outer_torque(self, t: RealScalar, estimate: PlantState, commands: OfEach) -> Vector:
         """The torque of the body's actuators under these commands at time `t` (s) on the body and
         all that stores momentum, N m, at the attitude that a law receives."""
         effectors = () if self.body is None else self.body.effectors
         torques = [
-            one.effect(one.piece(one.mode(own), command), t, told, own).torque
-            for one, own, command in zip(effectors, told.of_each, commands, strict=True)
+            one.effect(one.piece(one.mode(own), command), t, estimate, own).torque
+            for one, own, command in zip(effectors, estimate.of_each, commands, strict=True)
             if one.momentum(own) is None
         ]
-        return sum(torques, jnp.zeros_like(told.omega))
+        return sum(torques, jnp.zeros_like(estimate.omega))
 
     def example(self) -> Measurement:
         """A measurement with the array shapes of this navigation."""
@@ -232,7 +232,7 @@ class Navigation(eqx.Module):
             return new, None
         count = len(self.vectors) + (self.tracker is not None)
         conditions = failures.conditions(sample, period, self.key, count)
-        read, kept = [], []
+        readings, last_readings = [], []
         vectors = zip(self.vectors, conditions[count - len(self.vectors) :], strict=True)
         for place, (sensor, condition) in enumerate(vectors):
             now, before = new.vectors[place], last.vectors[place]
@@ -242,10 +242,10 @@ class Navigation(eqx.Module):
                 SensorReading(before.measured, before.seen),
                 sensor.is_due(sample, period),
             )
-            read.append(Observation(one.value, now.reference, one.seen))
-            kept.append(Observation(other.value, now.reference, other.seen))
+            readings.append(Observation(one.value, now.reference, one.seen))
+            last_readings.append(Observation(other.value, now.reference, other.seen))
         attitude, attitude_kept = self._tracker_reading(sample, period, conditions[0], new, last)
-        return Delivery(*attitude, tuple(read)), Delivery(*attitude_kept, tuple(kept))
+        return Delivery(*attitude, tuple(readings)), Delivery(*attitude_kept, tuple(last_readings))
 
     def _tracker_reading(
         self,
@@ -274,16 +274,16 @@ class Navigation(eqx.Module):
             return oldest
         return self.tracker.arriving(queue)._replace(vectors=oldest.vectors)
 
-    def told(
+    def law_input(
         self, sample: IntScalar, period: RealScalar, plant: PlantState, state: NavigationState
-    ) -> Told:
+    ) -> LawInput:
         """The law's input, with the attitude in the parameters of the true one; as `step`."""
         estimate, following = self.step(sample, period, plant, state)
         attitude = in_parameters_of(plant.attitude, estimate.attitude)
         errors = _errors(plant, state.bias, estimate)
         estimated = PlantState(attitude, estimate.omega, plant.effectors)
         valid = self._valid(sample, period) if self.body is None else None
-        return Told(estimated, following, errors, valid)
+        return LawInput(estimated, following, errors, valid)
 
 
 def _errors(plant: PlantState, bias: Vector | None, estimate: Estimate) -> dict[str, Vector]:
@@ -292,12 +292,12 @@ def _errors(plant: PlantState, bias: Vector | None, estimate: Estimate) -> dict[
         "rate": plant.omega - estimate.omega,
         "bias": None if bias is None or estimate.bias is None else bias - estimate.bias,
     }
-    claimed = {
+    deviations = {
         "attitude": estimate.attitude_sigma,
         "rate": estimate.rate_sigma,
         "bias": estimate.bias_sigma,
     }
     tests = {"innovation": estimate.innovation, "sensor_excluded": estimate.excluded}
     errors = {f"{name}_estimate_error": one for name, one in off.items() if one is not None}
-    bounds = {f"{n}_estimate_3sigma": 3 * one for n, one in claimed.items() if one is not None}
+    bounds = {f"{n}_estimate_3sigma": 3 * one for n, one in deviations.items() if one is not None}
     return errors | bounds | {name: one for name, one in tests.items() if one is not None}

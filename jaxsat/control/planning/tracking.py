@@ -75,12 +75,12 @@ def following_torque(
     Zero before the plan's begin; it may exceed the limits.
     """
     plan, begin, gains = followed.plan, followed.begin, followed.gains
-    passed = now - begin
-    target = planned_state(program, begin, plan, passed)
+    elapsed = now - begin
+    target = planned_state(program, begin, plan, elapsed)
     error = in_hemisphere_of(target, x) - target
-    error = jnp.where(passed + period / 2 > 0, error, 0.0)
-    feedback = gains[interval_at(program, plan, passed)[0]] @ error
-    return mean_torque(program, plan, passed, period) + feedback
+    error = jnp.where(elapsed + period / 2 > 0, error, 0.0)
+    feedback = gains[interval_at(program, plan, elapsed)[0]] @ error
+    return mean_torque(program, plan, elapsed, period) + feedback
 
 
 def tracking_gains(
@@ -113,10 +113,10 @@ def tracking_gains(
 
 
 def planned_state(
-    program: Transcription, begin: RealScalar, plan: Unknowns, passed: RealScalar
+    program: Transcription, begin: RealScalar, plan: Unknowns, elapsed: RealScalar
 ) -> Float[Array, "7"]:
-    """The state of a plan `passed` after its begin."""
-    number, share = interval_at(program, plan, passed)
+    """The state of a plan `elapsed` after its begin."""
+    number, share = interval_at(program, plan, elapsed)
     x, u = plan.states[number], plan.torque[number]
     part = share * plan.duration
     number = number.astype(x.dtype)
@@ -125,23 +125,23 @@ def planned_state(
 
 
 def mean_torque(
-    program: Transcription, plan: Unknowns, passed: RealScalar, period: RealScalar
+    program: Transcription, plan: Unknowns, elapsed: RealScalar, period: RealScalar
 ) -> Float[Array, " m"]:
-    """The mean of a plan's torque from `passed` after its begin, over a `period`; then zero."""
+    """The mean of a plan's torque from `elapsed` after its begin, over a `period`; then zero."""
     sums = jnp.concatenate([jnp.zeros_like(plan.torque[:1]), jnp.cumsum(plan.torque, axis=0)])
 
-    def until(passed):
-        number, share = interval_at(program, plan, passed)
+    def until(elapsed):
+        number, share = interval_at(program, plan, elapsed)
         return sums[number] + share * plan.torque[number]
 
     length = plan.duration / program.intervals
-    return (until(passed + period) - until(passed)) * length / period
+    return (until(elapsed + period) - until(elapsed)) * length / period
 
 
 def interval_at(
-    program: Transcription, plan: Unknowns, passed: RealScalar
+    program: Transcription, plan: Unknowns, elapsed: RealScalar
 ) -> tuple[IntScalar, RealScalar]:
     """The interval at a time after the begin, and its elapsed share."""
-    place = jnp.clip(passed / plan.duration * program.intervals, 0.0, float(program.intervals))
+    place = jnp.clip(elapsed / plan.duration * program.intervals, 0.0, float(program.intervals))
     number = jnp.minimum(place.astype(int), program.intervals - 1)
     return number, place - number

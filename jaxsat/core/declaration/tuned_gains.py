@@ -74,8 +74,8 @@ def in_seconds(gains: Gains, scaling: Scaling) -> Gains:
             return value
         return value / (scaling.loop_time if name in LOOP_GAINS else scaling.time)
 
-    named = gains._asdict()  # pyright: ignore[reportAttributeAccessIssue]
-    return type(gains)(**{name: one(name, value) for name, value in named.items()})
+    values = gains._asdict()  # pyright: ignore[reportAttributeAccessIssue]
+    return type(gains)(**{name: one(name, value) for name, value in values.items()})
 
 
 class MorinSamsonGains(NamedTuple):

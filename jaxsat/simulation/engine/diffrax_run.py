@@ -49,7 +49,7 @@ class Integrated(NamedTuple):
 
     outputs: Outputs
     signals: Signals
-    held: HeldTorque | None
+    held_torque: HeldTorque | None
 
 
 def integrated(
@@ -175,7 +175,7 @@ def _run_sampled(program: Program, case: Case, times, solver: AbstractSolver) ->
 
     def period(progress: Progress, sample):
         (number, t), ended = sample, progress.code != int(Outcome.SUCCESS)
-        now = progress._replace(held=none)
+        now = progress._replace(held_torque=none)
         after, *observation = through_period(plain, loop, integrate, number, t, now)
         return after, nan_where(ended, tuple(observation))
 
@@ -183,7 +183,7 @@ def _run_sampled(program: Program, case: Case, times, solver: AbstractSolver) ->
     tracker, rest = SettlingTracker.initial(begin, 3), None
     if program.detailed:
         rest = SettlingTracker.initial(begin, 1)
-    first = first._replace(settled=tracker, rest=rest, held=none, ended_at=begin)
+    first = first._replace(settled=tracker, rest=rest, held_torque=none, ended_at=begin)
     samples = (jnp.arange(count), times[:-1])
     progress, (signals, holds) = jax.lax.scan(period, first, samples)
     last = loop.signals(jnp.array(count), end, progress.state)

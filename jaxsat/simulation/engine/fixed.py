@@ -121,13 +121,13 @@ class SampledStepper(AbstractStepper):
     def begin(self, program, case):
         """The progress at time zero."""
         progress, loop = progress_at_zero(program, case), _sampled_loop(case)
-        progress = progress._replace(held=HeldTorque.none(progress.state.plant.omega))
+        progress = progress._replace(held_torque=HeldTorque.none(progress.state.plant.omega))
         if not program.detailed:
             return progress
         samples = jax.eval_shape(
             lambda: loop.idle_signals(jnp.array(0), program.time_of(0), progress.state)
         )
-        return progress._replace(seen=jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), samples))
+        return progress._replace(sums=jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), samples))
 
     def advance(self, program, case, progress, first, count, axis_name=None):
         """The progress after `count` periods, with the torque range of these periods alone.
@@ -143,10 +143,10 @@ class SampledStepper(AbstractStepper):
         sensors = loop.sensors
         if program.detailed:
             count = jnp.maximum(count, 1)
-        progress = progress._replace(held=HeldTorque.none(progress.state.plant.omega))
+        progress = progress._replace(held_torque=HeldTorque.none(progress.state.plant.omega))
         if axis_name is None or not isinstance(sensors, Sensors):
             after = self._periods(program, loop, progress, first, count, sampled)
-            return after._replace(seen=averaged(after.seen, count))
+            return after._replace(sums=averaged(after.sums, count))
 
         def block(number, progress):
             begin = first + number * NOISE_BLOCK
@@ -157,7 +157,7 @@ class SampledStepper(AbstractStepper):
 
         blocks = (count + NOISE_BLOCK - 1) // NOISE_BLOCK
         after = jax.lax.fori_loop(0, blocks, block, progress)
-        return after._replace(seen=averaged(after.seen, count))
+        return after._replace(sums=averaged(after.sums, count))
 
     def _periods(
         self, program: Program, loop: SampledLoop, progress, first, count, sampled
@@ -170,15 +170,13 @@ class SampledStepper(AbstractStepper):
 
         def period(i, progress):
             progress, number = restored(progress), first + i
-            progress, seen = progress._replace(seen=None), progress.seen
-            t, wanted = program.time_of(number), None if seen is None else number < sampled[1]
-            after, signals, _ = through_period(
-                program, loop, integrate, number, t, progress, wanted
-            )
-            if seen is not None:
+            progress, sums = progress._replace(sums=None), progress.sums
+            t, runs = program.time_of(number), None if sums is None else number < sampled[1]
+            after, signals, _ = through_period(program, loop, integrate, number, t, progress, runs)
+            if sums is not None:
                 ended = progress.code != int(Outcome.SUCCESS)
-                now = summed(seen, number == sampled[0], partial(nan_where, ended, signals))
-                after = after._replace(seen=now)
+                now = summed(sums, number == sampled[0], partial(nan_where, ended, signals))
+                after = after._replace(sums=now)
             return halved(after)
 
         return restored(jax.lax.fori_loop(0, count, period, halved(progress)))
@@ -191,9 +189,9 @@ class SampledStepper(AbstractStepper):
     def signals(self, program, case, progress, number):
         """Signals of sample `number`, and the range of the torque since the last observation."""
         t = program.time_of(number)
-        assert progress.held is not None
+        assert progress.held_torque is not None
         signals = _sampled_loop(case).signals(number, t, progress.state)
-        return dataclasses.replace(signals, torque_range=progress.held.range())
+        return dataclasses.replace(signals, torque_range=progress.held_torque.range())
 
 
 def through_period(
@@ -203,15 +201,15 @@ def through_period(
     number: IntScalar,
     t: RealScalar,
     progress: Progress,
-    wanted: BoolScalar | None = None,
+    runs: BoolScalar | None = None,
 ) -> tuple[Progress, Signals, HeldTorque]:
     """The progress after the period of sample `number` at time `t` (s), or the last good one, and
     the sample's signals and the torques so far.
 
-    `integrate` is as of `HoldSteps`; for `wanted` see `_unless_ended`.
+    `integrate` is as of `HoldSteps`; for `runs` see `_unless_ended`.
     """
     since = (progress.settled, progress.rest)
-    carry = (progress.integrals, since, progress.held, progress.error)
+    carry = (progress.integrals, since, progress.held_torque, progress.error)
     through = partial(integrate, number)
     state, carry, signals = loop.period(number, t, progress.state, through, carry)
     candidate = with_peaks(progress, signals.omega, signals.parts)
@@ -224,7 +222,7 @@ def through_period(
         failures = progress.failures.observe(t, signals, program.tolerances)
         candidate = candidate._replace(failures=failures)
     checked = halved((state.plant, loop.controller.judged(state.memory)))
-    after = _unless_ended(program, progress, candidate, state, checked, carry, t, wanted)
+    after = _unless_ended(program, progress, candidate, state, checked, carry, t, runs)
     return after, signals, carry[2]
 
 
@@ -271,26 +269,26 @@ def _steps_alone(tableau, rate, t, length, count: int, state):
 
 
 def _unless_ended(
-    program, before, candidate, state, checked, carry, t, wanted: BoolScalar | None = None
+    program, before, candidate, state, checked, carry, t, runs: BoolScalar | None = None
 ) -> Progress:
     """The next progress, or the last good one where the case has ended or now ends.
 
     The case ends where the `checked` parts of the state, see `within_limit`, pass the limit. Where
-    the next progress is not `wanted`, the previous one remains.
+    the next progress does not run (`runs`), the previous one remains.
     """
-    integrals, (tracker, rest), held, error = carry
+    integrals, (tracker, rest), held_torque, error = carry
     moves, *finite = checked
     good = within_limit(moves, program.state_limit, *finite, integrals.cost)
     running = before.code == int(Outcome.SUCCESS)
-    if wanted is not None:
-        running = running & wanted
+    if runs is not None:
+        running = running & runs
     code = jnp.where(running & ~good, int(Outcome.STATE_LIMIT), before.code)
     after = candidate._replace(
         state=state,
         integrals=integrals,
         settled=tracker,
         rest=rest,
-        held=held,
+        held_torque=held_torque,
         error=error,
         ended_at=t + program.interval,
         code=code,

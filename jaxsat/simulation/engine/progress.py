@@ -129,11 +129,11 @@ class Progress(NamedTuple):
     the state is good. With adaptive steps, `step` (s) is the next to be tried and `steps` the
     number of tried ones. `peaks` are the largest sizes, at the observed instants, of the effectors'
     stored quantities, by the column of a study. `failures` is for sampled loops with failures.
-    `error` is the estimate of equal steps, where the program has one. `held` is the torque of a
+    `error` is the estimate of equal steps, where the program has one. `held_torque` is that of a
     sampled loop since its last observation, None for other loops. `rest` tracks since when the
     inertial rate has been small, and `forced` counts the smallest steps taken in spite of their
     error, where steps are adaptive; both in a detailed program alone. `unmade` is for sampled loops
-    that give it. `seen` are the signals of a sampled loop at the begin of its last advance (means
+    that give it. `sums` are the signals of a sampled loop at the begin of its last advance (means
     over it, of those so declared), in a detailed program alone. `monitors` belong to the program's
     requirements.
     """
@@ -148,12 +148,12 @@ class Progress(NamedTuple):
     steps: IntScalar
     peaks: dict[str, Array]
     failures: FailureRecord | None = None
-    held: HeldTorque | None = None
+    held_torque: HeldTorque | None = None
     error: IntegrationError | None = None
     rest: SettlingTracker | None = None
     forced: IntScalar | None = None
     unmade: Unmade | None = None
-    seen: Signals | None = None
+    sums: Signals | None = None
     monitors: tuple[Monitor, ...] = ()
 
 

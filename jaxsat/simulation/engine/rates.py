@@ -115,12 +115,12 @@ class HoldSteps(NamedTuple):
 
     def __call__(self, number, t, hold: Hold, plant: PlantState, carry: tuple):
         """The plant and the carry after a hold that begins at time `t` (s) in period `number`."""
-        (integrals, since, held, error), loop, length = carry, self.loop, hold.length
+        (integrals, since, held_torque, error), loop, length = carry, self.loop, hold.length
         rate, count = held_rate(self.program, loop, hold, t, plant), loop.substeps
         first = loop.motion(t, plant, hold, jnp.zeros_like(length)).torque
         (after, integrals), since = self.steps(rate, t, length, count, ((plant, integrals), since))
         last = loop.motion(t + length, after, hold, length).torque
-        held = held.with_hold(*stop_gradient((length, first, last)))
+        held_torque = held_torque.with_hold(*stop_gradient((length, first, last)))
         same, still = stop_gradient((loop, hold))
         estimate = HalvedSteps(
             self.program, self.alone, count, loop.plant, lambda now, plant: plant
@@ -131,7 +131,7 @@ class HoldSteps(NamedTuple):
             lambda now, plant: same.motion(now, plant, still, now - t).rate,
             Span(t, length, plant, after),
         )
-        return after, (integrals, since, held, error)
+        return after, (integrals, since, held_torque, error)
 
 
 def within_limit(state: PyTree, limit: RealScalar, *finite: PyTree) -> Array:

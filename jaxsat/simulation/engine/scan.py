@@ -59,7 +59,7 @@ class ScanEngine(AbstractBatchEngine):
         work = (self.stepper, program.of_any_length(), cases, gains)
         progress = _of_cases("begin", *work)
         history = []
-        behind = progress.seen is not None
+        behind = progress.sums is not None
         for before, number in itertools.pairwise([0, *stops(instants.tolist(), behind)]):
             first, count = jnp.array(before), jnp.array(number - before)
             progress = _of_cases("advance", *work, progress, first, count)

@@ -67,14 +67,14 @@ class AbstractStepper(eqx.Module):
     ) -> Signals:
         """Signals at the beginning of interval `number`; NaN after the end of a failed run.
 
-        Where the progress has `seen` signals, they are those at the beginning of its last advance.
+        Where the progress has `sums`, they are those at the beginning of its last advance.
         """
         at_end = progress.code != int(Outcome.SUCCESS)
-        if progress.seen is None:
+        if progress.sums is None:
             return nan_where(at_end, self.signals(program, case, progress, number))
-        assert progress.held is not None
-        torques = nan_where(at_end, progress.held.range())
-        return dataclasses.replace(progress.seen, torque_range=torques)
+        assert progress.held_torque is not None
+        torques = nan_where(at_end, progress.held_torque.range())
+        return dataclasses.replace(progress.sums, torque_range=torques)
 
 
 def nan_where(ended: BoolScalar, values: PyTree) -> PyTree:

@@ -45,7 +45,7 @@ def test_a_law_is_told_the_estimate_and_the_signals_tell_how_far_off_it_is():
 
     @eqx.filter_jit
     def sample(loop, state):
-        return loop.told(zero, state), loop.signals(zero, zero * 0.1, state)
+        return loop.law_input(zero, state), loop.signals(zero, zero * 0.1, state)
 
     state = eqx.filter_jit(lambda loop, start: loop.start(start))(run.loop, run.start)
     told, signals = sample(run.loop, state)

@@ -74,15 +74,15 @@ class ForeignCode(JaxsatError):
 
 
 def loaded_code(
-    package: str, known: Collection[str], parts: Collection[str] | None = None
+    package: str, packages: Collection[str], parts: Collection[str] | None = None
 ) -> dict[str, bytes]:
     """A hash of every imported module inside a package, by name; of these `parts` of it alone.
 
-    The modules may hold code of these parts, of Python and of the packages `known`; raises
-    `ForeignCode` for other code.
+    The modules may hold code of these parts, of Python and of the `packages`; raises `ForeignCode`
+    for other code.
     """
     inside = [f"{package}.{part}" for part in parts] if parts is not None else [package]
-    content = _Content(f"{package}.", [*inside, *known])
+    content = _Content(f"{package}.", [*inside, *packages])
     with no_collection():
         return {
             name: content.hash_of(module)
@@ -119,8 +119,8 @@ class _Content:
     What is known of a value is kept with it, so that no other value gets its `id`.
     """
 
-    def __init__(self, prefix: str, known: Collection[str]):
-        self._prefix, self._known = prefix, known
+    def __init__(self, prefix: str, packages: Collection[str]):
+        self._prefix, self._known = prefix, packages
         self._homes = {prefix[:-1]}
         self._named: dict[int, _Named] = {}
         self._hashed: dict[int, tuple[bytes, Any]] = {}
@@ -158,12 +158,12 @@ class _Content:
         if isinstance(value, enum.Enum):
             return _name(kind), value.name, self._of(value.value)
         home = getattr(value, "__module__", None)
-        named = kind is ModuleType or not self._is_whole(value, home, module)
+        by_name = kind is ModuleType or not self._is_whole(value, home, module)
         if kind is FunctionType:  # `functools.wraps` states the module of another function
             self._require_known(value.__globals__.get("__name__"))
-        if named or kind is FunctionType:
+        if by_name or kind is FunctionType:
             self._require_known(value.__name__ if kind is ModuleType else home)
-        if named:
+        if by_name:
             tree = _name(kind), _name(value)
             self._named[number] = _Named(home, tree, value)
             return tree

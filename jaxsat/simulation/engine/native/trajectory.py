@@ -106,8 +106,8 @@ def lower_trajectory(
     later = {name: _later(name, jaxprs[name], inputs, where) for name, where in locations.items()}
     advance = later.pop(onwards)
     others = [entry.optimised() for entry in later.values()]
-    needed = {place for entry in others for place in entry.inputs}
-    advance = advance.with_needed_results(needed).optimised()
+    read_later = {place for entry in others for place in entry.inputs}
+    advance = advance.with_needed_results(read_later).optimised()
     trees = {"cases": case, "numbers": jax.tree.leaves(numbers), "gains": gains}
     arguments = Arguments.of(trees, jaxprs["begin"].in_avals, "cases")
     return LoweredTrajectory(
@@ -118,7 +118,7 @@ def lower_trajectory(
         signals,
         jaxprs,
         going,
-        isinstance(moving, Progress) and moving.seen is not None,
+        isinstance(moving, Progress) and moving.sums is not None,
     )
 
 
