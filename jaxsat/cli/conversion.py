@@ -213,7 +213,7 @@ def matlab_file(dataset: xr.Dataset) -> bytes:
 
     if CASE in dataset.dims:
         dataset = completed_cases(dataset)
-    names = matlab_names(map(str, dataset.variables), taken=(ABOUT, VARIABLES))
+    names = matlab_names(map(str, dataset.variables), reserved=(ABOUT, VARIABLES))
     content: dict[str, Any] = {ABOUT: _structure(dataset.attrs), VARIABLES: {}}
     for name, variable in dataset.variables.items():
         values = variable.values
@@ -252,9 +252,9 @@ def table(dataset: xr.Dataset) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def matlab_names(names: Iterable[str], taken: Iterable[str] = ()) -> dict[str, str]:
+def matlab_names(names: Iterable[str], reserved: Iterable[str] = ()) -> dict[str, str]:
     """Return a valid and different name of MATLAB for each name; none of them is `taken`."""
-    used, valid = set(taken), {}
+    used, valid = set(reserved), {}
     for name in names:
         word = re.sub(r"\W", "_", name, flags=re.ASCII)
         word = word if word[:1].isalpha() else f"x{word}"

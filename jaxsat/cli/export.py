@@ -12,7 +12,8 @@ from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import SUCCESS, UserMistake, print_stdout, print_warning
 
 if TYPE_CHECKING:
-    from jaxsat.flight.files import Export, Request
+    from jaxsat.flight.files import Export
+    from jaxsat.flight.request import Request
     from jaxsat.scenario import Scenario
 
 Begin = Annotated[float | None, Parameter(converter=number(0.0, 1e9))]
@@ -115,7 +116,7 @@ def _tell(code: "Export", target: Path, *, quiet: bool) -> None:
 
 
 def _request(scenario: "Scenario", single: bool, libm: bool, unit: bool) -> "Request":
-    from jaxsat.flight.files import Request
+    from jaxsat.flight.request import Request
     from jaxsat.scenario import dump
     from jaxsat.scenario.build.run import build
     from jaxsat.scenario.derived import hold_samples_of

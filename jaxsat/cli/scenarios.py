@@ -148,12 +148,12 @@ def refusals(scenario: "Scenario") -> Iterator[str]:
             yield f"not for {commands}: {option_mistake(error, ['law'])}"
 
 
-def says_no_more_than_a_vehicle(given: Set[str]) -> bool:
+def says_no_more_than_a_vehicle(keys: Set[str]) -> bool:
     """Whether a file with these tables has no law, which `design` chooses."""
     from jaxsat.core.declaration.actuators import ACTUATORS
 
     vehicle = {"spacecraft", *(one.name for one in ACTUATORS)}
-    return bool(given & vehicle) and "control" not in given
+    return bool(keys & vehicle) and "control" not in keys
 
 
 def _require_vehicle(scenario: "Scenario") -> None:

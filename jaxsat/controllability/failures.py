@@ -76,7 +76,7 @@ def failure_table(
         for failed in itertools.combinations(range(count), size):
             working = tuple(i for i in range(count) if i not in failed)
             sound = tuple(i for i in working if i < others)
-            left = [i - others for i in working if i >= others]
+            rods_left = [i - others for i in working if i >= others]
             judgement = judge_only(layout, actuators, sound, tolerance)
             stopped_verdict = None
             if judgement.coasting:
@@ -84,10 +84,10 @@ def failure_table(
                 if np.any(actuators.rotors):  # the body then includes the locked rotors
                     later = judge_once_stopped(judgement, tolerance) or later
                 if rods is not None:
-                    later = judge_with_rods(later, rods, left, tolerance)
+                    later = judge_with_rods(later, rods, rods_left, tolerance)
                 stopped_verdict = later.verdict
             if rods is not None:
-                judgement = judge_with_rods(judgement, rods, left, tolerance)
+                judgement = judge_with_rods(judgement, rods, rods_left, tolerance)
             cases.append(
                 FailureCase(
                     failed=tuple(labels[i] for i in failed),

@@ -35,8 +35,8 @@ def least_load(
     missing = directions[:, int(np.sum(sizes > SAME_AXIS)) :]
     shifted = kron(eye_array(instants, k=-1), turn)
     onwards = csr_array(eye_array(3 * instants) - shifted)
-    held = csr_array(onwards @ kron(eye_array(instants), axes))
-    used = csr_array(block_diag([np.zeros((3, 0)), *(impulses / unit)]))
+    stores = csr_array(onwards @ kron(eye_array(instants), axes))
+    dipoles = csr_array(block_diag([np.zeros((3, 0)), *(impulses / unit)]))
     at_first = np.zeros((3 * instants, missing.shape[1] + 1))
     at_first[:3, :-1] = missing
     count, steps = wheels * (instants - 1), len(low) * (instants - 1)
@@ -49,7 +49,7 @@ def least_load(
         np.append(np.zeros(wheels * instants + steps + missing.shape[1]), 1.0),
         A_ub=vstack([hstack([later, none, full]), hstack([-later, none, full])]),
         b_ub=np.zeros(2 * count),
-        A_eq=hstack([held, -used, at_first]),
+        A_eq=hstack([stores, -dipoles, at_first]),
         b_eq=onwards @ path.reshape(-1) / unit,
         bounds=np.concatenate(
             [

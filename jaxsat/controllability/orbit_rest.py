@@ -56,9 +56,9 @@ def _balance(
     ways, shares = ways[:, sizes > ACROSS], shares[sizes > ACROSS]
     torque = np.cross(normal, inertia @ normal + momentum)
     torque -= pull * np.cross(nadir, inertia @ nadir)
-    held = momentum - basis @ (shares.T @ (ways.T @ torque / sizes[sizes > ACROSS]))
+    stored = momentum - basis @ (shares.T @ (ways.T @ torque / sizes[sizes > ACROSS]))
     keeps = np.eye(3) - ways @ ways.T
-    return _Balance(held, keeps @ torque, keeps)
+    return _Balance(stored, keeps @ torque, keeps)
 
 
 def balance_at_frame(
@@ -72,8 +72,8 @@ def balance_at_frame(
 
     Over the orbit's rate, and over its square (both kg m²); arguments as of `rest_near_frame`.
     """
-    held, torque, _ = _balance(np.eye(3), inertia, momentum, basis, 3.0 * gravity_gradient)
-    return held, torque
+    stored, torque, _ = _balance(np.eye(3), inertia, momentum, basis, 3.0 * gravity_gradient)
+    return stored, torque
 
 
 def rest_near_frame(
@@ -92,15 +92,15 @@ def rest_near_frame(
     """
     from scipy.spatial.transform import Rotation  # slow
 
-    turn, held = np.eye(3), np.asarray(momentum, float)
-    size, pull = np.abs(inertia).max() + np.linalg.norm(held), 3.0 * gravity_gradient
+    turn, stored = np.eye(3), np.asarray(momentum, float)
+    size, pull = np.abs(inertia).max() + np.linalg.norm(stored), 3.0 * gravity_gradient
     for _ in range(_ITERATIONS):
         normal, nadir = turn @ NORMAL, turn @ NADIR
-        held, rest, keeps = _balance(turn, inertia, held, basis, pull)
+        stored, rest, keeps = _balance(turn, inertia, stored, basis, pull)
         if np.linalg.norm(rest) <= _BALANCED * size:
             angle = float(Rotation.from_matrix(turn).magnitude())
-            return OrbitRest(turn, held, angle) if angle <= MOST_TURN else None
-        whole = inertia @ normal + held
+            return OrbitRest(turn, stored, angle) if angle <= MOST_TURN else None
+        whole = inertia @ normal + stored
         slope = (skew(normal) @ inertia - skew(whole)) @ skew(normal)
         slope -= pull * (skew(nadir) @ inertia - skew(inertia @ nadir)) @ skew(nadir)
         step = np.linalg.lstsq(keeps @ slope, -rest, rcond=1e-9)[0]

@@ -87,11 +87,11 @@ class RodSet:
         rest = rest_near_frame(inertia, momentum / rate, basis, gravity_gradient=pull)
         if rest is not None:
             return rest
-        held, torque = balance_at_frame(inertia, momentum / rate, basis, gravity_gradient=pull)
+        stored, torque = balance_at_frame(inertia, momentum / rate, basis, gravity_gradient=pull)
         if np.linalg.norm(np.linalg.solve(inertia, torque)) > MOST_TURN:
             return None
         part = self.opposing(places, torque * rate**2)
-        return OrbitRest(np.eye(3), held, 0.0, part) if part <= MOST_OPPOSING else None
+        return OrbitRest(np.eye(3), stored, 0.0, part) if part <= MOST_OPPOSING else None
 
     def opposing(self, places: Sequence[int], torque: Float[np.ndarray, "3"]) -> float:
         """Return the largest part of their limits by which some oppose a torque (N m, orbit frame).
@@ -115,13 +115,13 @@ class RodSet:
         return self.field.sampled(instants, turns[:, None])
 
 
-def rest_with_rods(judged: Judgement, rods: RodSet, places: Sequence[int]) -> OrbitRest | None:
+def rest_with_rods(judgement: Judgement, rods: RodSet, places: Sequence[int]) -> OrbitRest | None:
     """Return the rest near the orbit frame of a body with the rods of these places, and with its
     wheels at their bias, see `RodSet.rest`."""
-    basis = _basis(judged.actuators.wheel_axes)
-    held = bool(np.linalg.norm(NORMAL - basis @ (basis.T @ NORMAL)) <= SAME_AXIS)
-    momentum = judged.actuators.coasting + held * rods.bias * NORMAL
-    return rods.rest(places, judged.inertia, momentum, basis)
+    basis = _basis(judgement.actuators.wheel_axes)
+    holds = bool(np.linalg.norm(NORMAL - basis @ (basis.T @ NORMAL)) <= SAME_AXIS)
+    momentum = judgement.actuators.coasting + holds * rods.bias * NORMAL
+    return rods.rest(places, judgement.inertia, momentum, basis)
 
 
 def judge_with_rods(

@@ -98,8 +98,8 @@ def _steps(
     inverse = np.linalg.inv(scaled)
     motion[3:6, size : size + 3] = inverse / (moment * rate**2)
     motion[3:6, size + 3 :], motion[6:size, size + 3 :] = inverse @ axes, -np.eye(count)
-    moved = expm(motion * 2 * np.pi / (rods.fields.shape[1] // EVERY))
-    return _Steps(moved[:size, :size], moved[:size, size : size + 3], moved[:size, size + 3 :])
+    step = expm(motion * 2 * np.pi / (rods.fields.shape[1] // EVERY))
+    return _Steps(step[:size, :size], step[:size, size : size + 3], step[:size, size + 3 :])
 
 
 @latest(32)

@@ -97,12 +97,12 @@ def stuck_on_words(inertia: Numbers, actuators: ActuatorSet) -> str | None:
     """
     if actuators.two_sided.all():
         return None
-    shares, lost = {}, []
+    shares, axes_lost = {}, []
     for place, name in enumerate(actuators.thrusters):
         ways = (1.0, -1.0) if actuators.two_sided[place] else (1.0,)
         each = [_stuck(inertia, actuators, place, level) for level in ways]
         shares[name] = max(share for share, _ in each)
-        lost += [] if all(controllable for _, controllable in each) else [name]
+        axes_lost += [] if all(controllable for _, controllable in each) else [name]
     opposed = [name for name, share in shares.items() if share < 1 - LEVEL_ROUNDING]
     barely = [name for name, share in shares.items() if abs(share - 1) <= LEVEL_ROUNDING]
     words = [f"the others oppose {len(opposed) or 'none'} of {len(shares)} thrusters"]
@@ -115,7 +115,7 @@ def stuck_on_words(inertia: Numbers, actuators: ActuatorSet) -> str | None:
         words.append(
             f"{', '.join(barely)} would take the full thrust of another, which errors decide"
         )
-    if away := [name for name in opposed if name in lost]:
+    if away := [name for name in opposed if name in axes_lost]:
         words.append(f"after {', '.join(away)} they do not control every axis")
     return f"One thruster stuck on: {'; '.join(words)}"
 

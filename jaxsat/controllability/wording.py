@@ -206,11 +206,13 @@ def _rods_lost(judgement: Judgement, orbit: OrbitRank) -> str:
         return "torque along the field; rest near the orbit frame"
     if judgement.verdict == "uncontrollable":
         return f"control over an orbit: rank {orbit.rank} of {orbit.dimension}"
-    lost = "torque along the field" if not orbit.wheels else "direct torque about one axis at times"
+    words = (
+        "torque along the field" if not orbit.wheels else "direct torque about one axis at times"
+    )
     if judgement.verdict == "borderline":
-        return f"{lost}; nearly all authority about one axis, at times of a day at least"
-    lost += ", reached as the field turns"
-    return lost if judgement.laws != "none" else f"{lost}, by no law"
+        return f"{words}; nearly all authority about one axis, at times of a day at least"
+    words += ", reached as the field turns"
+    return words if judgement.laws != "none" else f"{words}, by no law"
 
 
 def verdict_sentence(judgement: Judgement) -> str:

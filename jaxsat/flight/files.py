@@ -1,17 +1,11 @@
 """All files of an export by name: sources, tests, build files, provenance."""
 
-import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from jaxsat.compiler.c.naming import comment
-from jaxsat.core.declaration.keys import Key
 from jaxsat.core.declaration.laws import value_of
-from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.flight import interface
 from jaxsat.flight.calls import drawn_calls, expected_of_calls, function_calls
 from jaxsat.flight.cfs import cfs_app, table_cautions
@@ -39,6 +33,7 @@ from jaxsat.flight.parameters import (
 from jaxsat.flight.program import FlightProgram, flight_program
 from jaxsat.flight.readme import readme, trace_table
 from jaxsat.flight.reference import Reference
+from jaxsat.flight.request import Request
 from jaxsat.flight.search import NoSearch, found_calls
 from jaxsat.flight.source import header, source
 from jaxsat.flight.templates import DEVIATIONS, template
@@ -50,32 +45,7 @@ from jaxsat.flight.vectors import (
     rounding,
     vectors,
 )
-from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
-from jaxsat.spacecraft.dynamics import PlantState
-
-
-@dataclass(frozen=True)
-class Request:
-    """Input of an export: a loop, a start and the duration (s) of test runs.
-
-    `title`, `scenario` (TOML) and `provenance` (versions, platform, time) go into the files. `keys`
-    are those that the law declares: they bound its parameters. `hold_samples` is the default of the
-    guard: consecutive calls without a step for which commands are held. With `unit` there is a
-    functional mock-up unit, too.
-    """
-
-    loop: AbstractLoop
-    start: PlantState
-    duration: float
-    title: str
-    scenario: str
-    provenance: Mapping[str, Any]
-    single: bool = False
-    libm: bool = False
-    keys: tuple[Key, ...] = ()
-    hold_samples: int = HOLD_SAMPLES
-    unit: bool = False
 
 
 @dataclass(frozen=True)
@@ -100,7 +70,7 @@ def export(request: Request) -> Export:
     loop = flight_loop(request.loop, request.start)
     program = flight_program(loop, request.start, single=request.single)
     assert isinstance(loop, SampledLoop)  # another one has no flight program
-    intro = _intro(request, program)
+    intro = request.intro(program)
     texts = {
         "controller.h": header(program, intro),
         "controller.c": source(program, intro, libm=request.libm),
@@ -144,7 +114,7 @@ def export(request: Request) -> Export:
         "Makefile": template("Makefile", ULP=ulp, DIFFERENCE=difference),
         "CMakeLists.txt": template("CMakeLists.txt", ULP=ulp, DIFFERENCE=difference),
         "scenario.toml": request.scenario,
-        "export.json": _record(request, program, texts["controller.h"] + texts["controller.c"]),
+        "export.json": request.record(program, texts["controller.h"] + texts["controller.c"]),
     }
     plan = plan_table(loop.controller, single=program.single)
     texts |= plan_code(program, plan, intro) | plan_files(plan, intro)
@@ -182,39 +152,7 @@ def export_plan(request: Request, begin: float) -> Mapping[str, bytes]:
     if not plan:
         name = value_of(type(law))
         raise CannotExport(f"control.law: must be a law that plans, for a plan, got {name}")
-    return {name: text.encode() for name, text in plan_files(plan, [*_title(request), ""]).items()}
-
-
-def _title(request: Request) -> list[str]:
-    version = request.provenance["versions"]["jaxsat"]
-    return comment(f"{request.title}. Written by jaxsat {version}; do not edit, export again.")
-
-
-def _intro(request: Request, program: FlightProgram) -> list[str]:
-    precision = "single" if program.single else "double"
-    traced = comment(f"Traced program {program.hash}, {precision} precision.")
-    return [*_title(request), *traced, ""]
-
-
-def _record(request: Request, program: FlightProgram, code: str) -> str:
-    layout = {
-        name: [
-            {"name": field.name, "path": field.path, "shape": field.shape, "type": str(field.dtype)}
-            for field in struct.fields
-        ]
-        for name, struct in program.structs.items()
-    }
-    record = {
-        "title": request.title,
-        "program": program.hash,
-        "source_sha256": hashlib.sha256(code.encode()).hexdigest(),
-        "single": request.single,
-        "libm": request.libm,
-        "modes": program.modes,
-        "layout": layout,
-        **request.provenance,
-    }
-    return json.dumps(record, indent=2, ensure_ascii=False) + "\n"
+    return {name: text.encode() for name, text in plan_files(plan, [*request.head(), ""]).items()}
 
 
 def freertos_task(program: FlightProgram) -> str:

@@ -140,18 +140,18 @@ def _batch(program: FlightProgram, stage: str) -> str:
     for name, variable in variables.items():
         reads.append(f"read_controller_{name}(rows + {place}, &{variable});")
         place += program.structs[name].size
-    declared = [("output", "output")] * (not estimates) + [("seen", "told")] * program.estimates
+    declarations = [("output", "output")] * (not estimates) + [("seen", "told")] * program.estimates
     if not estimates:
         reads.append("(void)memset(&output, 0, sizeof(output));")
     if reads_clock(program.calls[stage]):
-        declared.append(("clock", "clock"))
+        declarations.append(("clock", "clock"))
         reads.append("clock.sample = input.sample;")
     kind, result = ("seen", "told") if estimates else ("output", "output")
     size = program.structs[kind].size
     return template(
         "batch.c",
         STAGE=stage,
-        VARIABLES="".join(f"    controller_{one} {variable};\n" for one, variable in declared),
+        VARIABLES="".join(f"    controller_{one} {variable};\n" for one, variable in declarations),
         READS="".join(f"    {read}\n" for read in reads),
         CALL=_call(program, stage),
         KIND=kind,

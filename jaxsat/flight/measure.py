@@ -186,11 +186,11 @@ def samples_worth_emulating(folder: Path) -> Int[np.ndarray, " chosen"]:
     return np.union1d(np.flatnonzero(is_new), dearest)
 
 
-def _some_of(vectors: bytes, chosen: Int[np.ndarray, " chosen"]) -> bytes:
+def _some_of(vectors: bytes, places: Int[np.ndarray, " places"]) -> bytes:
     """Return a file of test vectors with some of its rows."""
     numbers = np.frombuffer(vectors, "<f8")
     head = numbers[:4].copy()
-    rows = numbers[4:].reshape(int(head[1]), -1)[chosen]
+    rows = numbers[4:].reshape(int(head[1]), -1)[places]
     head[1] = len(rows)
     return head.tobytes() + rows.tobytes()
 

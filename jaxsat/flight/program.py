@@ -137,14 +137,16 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
     q = start.attitude.as_quaternion().q
     measured = as_type(measured_example(loop, start), dtype)
     now = Input(jnp.zeros((), np.int32), measured)
-    begun: Any = State(
+    start_state: Any = State(
         jax.eval_shape(lambda p: controller(p).begin_law(law_input), defaults),
         jax.eval_shape(lambda p: controller(p).begin_estimator(q), defaults) if estimates else None,
         jax.eval_shape(lambda p: controller(p).begin_modulation(), defaults),
     )
-    out = jax.eval_shape(lambda p, state: controller(p).sample(now, state)[0], defaults, begun)
-    structs = _structs(fields, now, begun, out, law_input)
-    stages, starts = _stages(controller, defaults, now, begun, law_input, q, structs)
+    out = jax.eval_shape(
+        lambda p, state: controller(p).sample(now, state)[0], defaults, start_state
+    )
+    structs = _structs(fields, now, start_state, out, law_input)
+    stages, starts = _stages(controller, defaults, now, start_state, law_input, q, structs)
     structs["parameters"] = _without_unread(structs["parameters"], [*stages, *starts])
     ports = [stage.ports() for stage in (*starts, *stages) if stage.outputs]
     structs, macros = named(ports, narrowed(ports, structs, defaults), flight.law.modes)
@@ -163,7 +165,7 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
         lambda parameters, attitude, now: controller(parameters).begin(attitude, now),
         lambda parameters, now, memory: controller(parameters).estimate(now, memory)[1],
         now,
-        begun,
+        start_state,
         flight.law.period,
         order,
         np.asarray(q),
@@ -171,7 +173,11 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
 
 
 def _structs(
-    parameters: tuple[Field, ...], now: Input, begun: State, out: SampleCommands, law_input: Seen
+    parameters: tuple[Field, ...],
+    now: Input,
+    start_state: State,
+    out: SampleCommands,
+    law_input: Seen,
 ) -> dict[str, Struct]:
     """Return all structures, by the names in `STRUCTURES`."""
 
@@ -185,7 +191,7 @@ def _structs(
             "controller_parameters", "Gains and what the law believes.", parameters
         ),
         "input": struct("input", about(Input), clock, now.measured),
-        "state": struct("state", about(State), begun._replace(begin_sample=now.sample)),
+        "state": struct("state", about(State), start_state._replace(begin_sample=now.sample)),
         "output": struct("output", about(SampleCommands), out),
         "clock": struct("clock", "The number of a sample since the controller began.", clock),
         "seen": struct("seen", about(Seen), law_input),
@@ -199,12 +205,12 @@ def _hash(traces, structs: dict[str, Struct]) -> str:
 
 
 def _stages(
-    controller, defaults, now, begun, law_input, q, structs
+    controller, defaults, now, start_state, law_input, q, structs
 ) -> tuple[list[ProgramStage], list[ProgramStage]]:
     """Return the stages of a sample, and of the initialisation: methods of `FlightController`."""
     out = {one.path: one.elements("out->") for one in structs["output"].fields}
     measured, clock = structs["input"].elements("in->")[1:], structs["clock"].elements("at->")
-    seen = structs["seen"].elements("seen->")
+    estimate = structs["seen"].elements("seen->")
 
     def stage(name: str, title: str, inputs: list[tuple], outputs: list[str]) -> ProgramStage:
         """Return the stage of a method; inputs are examples with C expressions of elements."""
@@ -218,13 +224,13 @@ def _stages(
         return ProgramStage(name, title, program, [*parameters, *texts], outputs)
 
     def kept(part: str) -> tuple[Any, list[str]]:
-        return getattr(begun, part), _elements_under(structs["state"], part, "now->")
+        return getattr(start_state, part), _elements_under(structs["state"], part, "now->")
 
     def keeps(part: str) -> list[str]:
         return _elements_under(structs["state"], part, "next->")
 
-    estimates = begun.estimator is not None
-    law_argument = (law_input, seen if estimates else measured)
+    estimates = start_state.estimator is not None
+    law_argument = (law_input, estimate if estimates else measured)
     control = stage(
         "control",
         "The law",
@@ -247,7 +253,7 @@ def _stages(
     if estimates:
         sample, title = (now, [*clock, *measured]), "The estimator's first memory"
         attitude = (q, [f"attitude[{i}]" for i in range(4)])
-        outputs = [*seen, *keeps("estimator")]
+        outputs = [*estimate, *keeps("estimator")]
         stages.insert(0, stage("estimate", "The estimator", [sample, kept("estimator")], outputs))
         starts.insert(0, stage("begin_estimator", title, [attitude], keeps("estimator")))
     return stages, starts

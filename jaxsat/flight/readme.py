@@ -3,7 +3,6 @@
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,19 +13,16 @@ from jaxsat.flight.guard import RATE_LIMIT, groups, status_bits
 from jaxsat.flight.interface import is_of_plan
 from jaxsat.flight.measure import DEAREST, ProcessorUse
 from jaxsat.flight.program import FlightProgram
+from jaxsat.flight.request import Request
 from jaxsat.flight.templates import DEVIATIONS, template
 from jaxsat.flight.vectors import EDGES, Vectors
-
-if TYPE_CHECKING:
-    from jaxsat.flight.files import Request
-
 
 SHOWN = 12
 """Numbers of an array that the table of parameters shows; controller.c has all."""
 
 
 def readme(
-    request: "Request",
+    request: Request,
     program: FlightProgram,
     vectors: Vectors,
     calls: Vectors,
@@ -97,7 +93,7 @@ def _status(program: FlightProgram) -> str:
     return "\n".join(f"- `{name}` ({number}): {words}" for name, (number, words) in bits)
 
 
-def _agreement(request: "Request") -> str:
+def _agreement(request: Request) -> str:
     if request.libm:
         return (
             "The C library's elementary functions differ in their last bits, and differences of "

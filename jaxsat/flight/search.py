@@ -46,7 +46,7 @@ def found_calls(
     files: Mapping[str, str],
     program: FlightProgram,
     of_parameters: Sequence[Parameter],
-    drawn: Float[np.ndarray, "calls numbers"],
+    random_calls: Float[np.ndarray, "calls numbers"],
     samples: Float[np.ndarray, "n given"],
 ) -> Float[np.ndarray, "found numbers"]:
     """Return calls that run a branch, or an outcome of a comparison, which none of `drawn` does.
@@ -58,7 +58,7 @@ def found_calls(
     if compiler is None:
         raise NoSearch(f"no C compiler ({HOST}) is installed")
     status = Path(compiler).stat()
-    numbers = _given(program, of_parameters, drawn, samples)
+    numbers = _given(program, of_parameters, random_calls, samples)
     sources = {**files, "search_calls.c": template("search_calls.c")}
     origin = (BLOCKS, compiler, status.st_size, status.st_mtime_ns, *sources.items(), numbers)
     entry = f"{hashlib.sha256(repr(origin).encode()).hexdigest()}.calls"
@@ -69,7 +69,7 @@ def found_calls(
         except (OSError, subprocess.SubprocessError) as error:
             raise NoSearch(_reason(error)) from None
         cache.keep(entry, content)
-    return np.frombuffer(content, "<f8").reshape(-1, drawn.shape[1])
+    return np.frombuffer(content, "<f8").reshape(-1, random_calls.shape[1])
 
 
 def _search(sources: Mapping[str, str], calls: bytes) -> bytes:
@@ -103,7 +103,7 @@ def _reason(error: OSError | subprocess.SubprocessError) -> str:
 def _given(
     program: FlightProgram,
     of_parameters: Sequence[Parameter],
-    drawn: Float[np.ndarray, "calls numbers"],
+    random_calls: Float[np.ndarray, "calls numbers"],
     samples: Float[np.ndarray, "n given"],
 ) -> bytes:
     """Return counts, then the way each number may change, its bounds, and the initial calls."""
@@ -120,9 +120,9 @@ def _given(
         for field in program.structs[struct].fields:
             of_numbers += [(ways[field.dtype.kind], -np.inf, np.inf)] * field.size
     places = np.random.default_rng(0).integers(0, len(samples), SEEDS)
-    steps = np.repeat(drawn[:1], SEEDS, axis=0)
+    steps = np.repeat(random_calls[:1], SEEDS, axis=0)
     steps[:, 0], steps[:, -samples.shape[1] :] = 0.0, samples[places]
-    seeds = np.concatenate([steps, drawn])
+    seeds = np.concatenate([steps, random_calls])
     head = np.array(seeds.shape, "<f8").tobytes()
     table = np.array(of_numbers, "<f8").T.tobytes()
     return head + table + seeds.astype("<f8").tobytes()

@@ -196,11 +196,11 @@ def _stage(unit: Unit, stage: ProgramStage) -> str:
         unit.types["seen"] = const + unit.types["seen"].removeprefix("const ")
     unit.prepare(begin, trace)
     name = unit.names.new(stage.name)
-    text, names, printed = python_function(unit, stage.title, function, trace, begin)
+    text, names, code = python_function(unit, stage.title, function, trace, begin)
     unit.write(text, names, lambda: name)
     place = inspect.getfile(FlightController)
     unit.origins[name] = [Source(f"{FlightController.__name__}.{stage.name}", place, (), ())]
-    return f"{name}({', '.join(printed.pointers)});"
+    return f"{name}({', '.join(code.pointers)});"
 
 
 def _clock(sample: str) -> list[str]:

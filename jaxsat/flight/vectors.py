@@ -72,8 +72,8 @@ class _RecordingEstimator(AbstractEstimator):
     example: Measurement
 
     def init(self, attitude: Quaternion, sigma: Array) -> _Record:
-        begun = None if self.example.attitude is None else attitude
-        first = self.example._replace(attitude=begun)
+        begin = None if self.example.attitude is None else attitude
+        first = self.example._replace(attitude=begin)
         return _Record(self.estimator.init(attitude, sigma), first)
 
     def step(self, sample, period, measurement, memory) -> tuple[Estimate, _Record]:
@@ -153,11 +153,11 @@ def _closed_loops(
 
     keys = jax.random.split(jax.random.key(seed), CASES)
     cases = keys, np.arange(CASES)
-    begun = _over_cases(first, cases)(cases, None)
-    run = _over_cases(block, (begun, np.zeros(CASES, np.int32)), np.int32(1))
+    starts = _over_cases(first, cases)(cases, None)
+    run = _over_cases(block, (starts, np.zeros(CASES, np.int32)), np.int32(1))
 
     def flown(stride: int) -> tuple[Input, State]:
-        state, samples = begun, []
+        state, samples = starts, []
         for number in range(SAMPLES):
             case = (state, np.full(CASES, number * stride, np.int32))
             state, sample = run(case, np.int32(stride))

@@ -154,8 +154,8 @@ def _name_in(step: ir.Step, names_of: Callable[[Hashable], Words]) -> None:
     """Name the numbers of a step in a comparison by order, in a table, and of blocks."""
     match step:
         case ir.Operation(name=name, args=args) if name in ORDER:
-            held = [names_of(x.number) for x in args if isinstance(x, ir.Value)]
-            names = next(filter(None, held), {})
+            candidates = [names_of(x.number) for x in args if isinstance(x, ir.Value)]
+            names = next(filter(None, candidates), {})
             step.args = tuple(
                 ir.NamedNumber.of(x, names) if isinstance(x, np.generic) and x != 0 else x
                 for x in args

@@ -36,8 +36,8 @@ def first_time(
     time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"], level: float
 ) -> float | None:
     """Return the first saved time (s) at which the size of `values` is at a level, or None."""
-    reached = np.flatnonzero(np.abs(values) >= AT_LIMIT * level)
-    return float(time[reached[0]]) if len(reached) else None
+    places = np.flatnonzero(np.abs(values) >= AT_LIMIT * level)
+    return float(time[places[0]]) if len(places) else None
 
 
 def full_at_trend(
@@ -79,15 +79,15 @@ def saturation_sentences(dataset: Dataset, scenario: Mapping[str, Any]) -> Itera
 def _state(time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"], limit: float) -> str:
     """Describe how a history approaches its limit; empty where that is far."""
     near, full = (first_time(time, values, part * limit) for part in MARKS)
-    expected = full_at_trend(time, values, limit) if full is None else None
+    full_time = full_at_trend(time, values, limit) if full is None else None
     texts = []
     if near is not None:
         texts.append(f"held 90 % of its limit from {number_text(near, 6)} s")
     if full is not None:
         texts.append(f"was full at {number_text(full, 6)} s")
-    if expected is not None:
+    if full_time is not None:
         texts.append(
-            f"will be full at {number_text(expected, 3)} s by the trend of the second half"
+            f"will be full at {number_text(full_time, 3)} s by the trend of the second half"
         )
     return " and ".join(texts)
 
@@ -112,8 +112,8 @@ def share_sentence(dataset: Dataset) -> Iterator[str]:
         f"{number_text(100 * one / whole, 3, scale=1e3)} % by {name}"
         for name, one in impulses.items()
     ]
-    used = used_propellant(dataset)
-    fuel = f", with {number_text(used, 3)} kg of propellant" if used > 0 else ""
+    propellant = used_propellant(dataset)
+    fuel = f", with {number_text(propellant, 3)} kg of propellant" if propellant > 0 else ""
     yield f"Torque over the run: {', '.join(texts)}{fuel}."
 
 
@@ -176,8 +176,10 @@ def _numbers(
         cells["of its limit (%)"] = _shown(100 * most / limit)
         if signal.shape == STORE:
             times = {f"{100 * part:.0f} % at (s)": part for part in MARKS}
-            reached = {name: first_time(time, values, part * limit) for name, part in times.items()}
-            cells |= {name: _shown(at, digits=6) for name, at in reached.items() if at is not None}
+            times_at = {
+                name: first_time(time, values, part * limit) for name, part in times.items()
+            }
+            cells |= {name: _shown(at, digits=6) for name, at in times_at.items() if at is not None}
     return cells
 
 

@@ -21,8 +21,8 @@ def scenario_tables(dataset: Dataset) -> dict[str, Any]:
     Failures are those of the dataset's case.
     """
     scenario = _tables(str(dataset.attrs.get("scenario", "")))
-    drawn = dataset.attrs.get("failures")
-    return scenario if drawn is None else scenario | _tables(str(drawn))
+    failures = dataset.attrs.get("failures")
+    return scenario if failures is None else scenario | _tables(str(failures))
 
 
 @latest(4)
@@ -93,8 +93,8 @@ def _actuators(scenario: Mapping[str, Any]) -> str:
             failed = sum(bool(table.get("failed")) for table in tables)
             prices = [table.get("price", 1.0) for table in tables]
             dear = f" at prices {_numbers(prices)}" if set(prices) != {1.0} else ""
-            called = f"{len(tables)} {part.called}{'s' if len(tables) > 1 else ''}"
-            parts.append(f"{called}{dear}" + (f", {failed} failed" if failed else ""))
+            words = f"{len(tables)} {part.called}{'s' if len(tables) > 1 else ''}"
+            parts.append(f"{words}{dear}" + (f", {failed} failed" if failed else ""))
     return "; ".join(parts)
 
 

@@ -116,7 +116,7 @@ def paint(
                 panel.set_xlim(timeline.times[0], timeline.times[-1])
             _paint(figure, panel, plot)
             if timeline is not None:
-                paint_marks(panel, timeline, named=not number)
+                paint_marks(panel, timeline, with_names=not number)
                 if number == shaded:
                     paint_shades(panel, timeline)
             if legends[number]:

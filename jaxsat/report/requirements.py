@@ -90,8 +90,8 @@ def _failure_times(dataset: Dataset, scenario: dict) -> np.ndarray:
     each = []
     for name, of_sensors in (("drawn_failure_time", False), ("drawn_sensor_failure_time", True)):
         each_of = ((one["of"].partition(" ")[0] in sensors, one["at_s"]) for one in tables)
-        declared = [float(at) for of_sensor, at in each_of if of_sensor == of_sensors]
-        each.append(np.ravel(dataset.attrs.get(name, declared)))
+        times = [float(at) for of_sensor, at in each_of if of_sensor == of_sensors]
+        each.append(np.ravel(dataset.attrs.get(name, times)))
     return np.concatenate(each)
 
 

@@ -116,9 +116,9 @@ def _actuation(dataset: Dataset, scenario: Mapping[str, Any]) -> dict[str, str]:
     if budget := momentum_budget(dataset):
         rows["momentum given"] = budget
     if "wheel_momentum" in dataset:
-        moved = np.sum(np.abs(np.diff(dataset["wheel_momentum"].values, axis=0)), axis=0)
+        changes = np.sum(np.abs(np.diff(dataset["wheel_momentum"].values, axis=0)), axis=0)
         rows["momentum moved"] = (
-            f"{vector_text(moved)} N m s by each wheel, taken up and given back"
+            f"{vector_text(changes)} N m s by each wheel, taken up and given back"
         )
     for part in PARTS:
         for signal in part.signals:

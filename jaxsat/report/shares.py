@@ -120,20 +120,20 @@ def momentum_budget(dataset: Dataset) -> str:
     others = ((name, torque) for name, torque in (shares or {}).items() if name != "wheels")
     parts += [(name, torque, _is_held(dataset)) for name, torque in others]
     texts = []
-    for name, torque, held in parts:
-        momentum = np.linalg.norm(_impulse(dataset, torque, held=held))
+    for name, torque, in_steps in parts:
+        momentum = np.linalg.norm(_impulse(dataset, torque, in_steps=in_steps))
         if momentum > 0:
             texts.append(f"{number_text(momentum / max(orbits, 1), 3)} N m s by {name}")
     return f"{', '.join(texts)}, {'in an orbit' if orbits else 'in all'}" if texts else ""
 
 
 def _impulse(
-    dataset: Dataset, torque: Float[np.ndarray, "n 3"], *, held: bool
+    dataset: Dataset, torque: Float[np.ndarray, "n 3"], *, in_steps: bool
 ) -> Float[np.ndarray, "3"]:
     """Return ∫ torque dt in inertial axes, N m s, by the trapezoidal rule; `held` torques are means
     until the next time."""
     before = after = _in_inertial(dataset, torque)
-    if held:
+    if in_steps:
         after = _in_inertial(dataset, np.concatenate([torque[:1], torque[:-1]]))
     spans = np.diff(dataset["time"].values)
     return spans @ (before[:-1] + after[1:]) / 2

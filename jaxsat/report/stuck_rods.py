@@ -83,9 +83,9 @@ def _filling(
     for place in places:
         each = [_left(rods, places, place, sign) for sign in (1.0, -1.0)]
         loads[rods.names[place]] = max(one.load(axes, capacity, beside, hold) for one in each)
-    lost = [name for name, load in loads.items() if load > 1 - LEAST_HOLD]
-    words = f"wheels hold {len(loads) - len(lost)} of {len(loads)} for {hold.duration:g} s"
-    return words + (f"; {', '.join(lost)} would fill them" if lost else "")
+    full = [name for name, load in loads.items() if load > 1 - LEAST_HOLD]
+    words = f"wheels hold {len(loads) - len(full)} of {len(loads)} for {hold.duration:g} s"
+    return words + (f"; {', '.join(full)} would fill them" if full else "")
 
 
 def _opposing(
@@ -95,8 +95,8 @@ def _opposing(
     for place in places:
         stuck = _left(rods, places, place, 1.0)
         later = judge_with_rods(without, rods, np.flatnonzero(stuck.healthy).tolist(), TOLERANCE)
-        held = later.laws == "magnetic"
-        most = stuck.opposed(later, _capacity(scenario), tolerance) if held else 0.0
+        magnetic = later.laws == "magnetic"
+        most = stuck.opposed(later, _capacity(scenario), tolerance) if magnetic else 0.0
         level = number_text(100 * min(most, 1.0), 2, scale=100.0)
         parts.append(f"{rods.names[place]} up to {level} %")
     return f"over an orbit the others oppose {', '.join(parts)} of it"

@@ -126,8 +126,8 @@ def isolations(dataset: Dataset) -> list[Isolation]:
             finite = parts[np.isfinite(parts[:, place]), place]
             changes = np.flatnonzero(np.diff(finite != 1)) + 1
             for row, end in pairwise([*changes, len(finite)]):
-                left = finite[end - 1]
-                what = RETURNED if left == 1 else f"isolated, makes {left:.0%}"
+                share = finite[end - 1]
+                what = RETURNED if share == 1 else f"isolated, makes {share:.0%}"
                 verdicts.append(Isolation(float(time[row]), name, what))
     return sorted(verdicts)
 
@@ -148,13 +148,13 @@ def failure_sentences(dataset: Dataset, scenario: Mapping[str, Any]) -> Iterator
     That of a failure says when the law isolated it, if the law diagnoses such actuators.
     """
     every, scope = isolations(dataset), set(diagnosed_parts(dataset))
-    left, failures = every, _failures(scenario, dataset["time"].values)
+    others, failures = every, _failures(scenario, dataset["time"].values)
     for number, (at, table) in enumerate(failures):
         of = str(table.get("of", ""))
         later = [then for then, one in failures[number + 1 :] if one.get("of") == of]
         parts = scope & {of, f"{of}+", f"{of}-"}  # both ways of a two-sided thruster
-        own = [one for one in left if one.part in parts and at <= one.at <= min([*later, np.inf])]
-        left = [one for one in left if one not in own]
+        own = [one for one in others if one.part in parts and at <= one.at <= min([*later, np.inf])]
+        others = [one for one in others if one not in own]
         before = [one.what for one in every if one.part in parts and one.at < at]
         verdict = "; not isolated" if parts else ""
         if own:
@@ -164,7 +164,7 @@ def failure_sentences(dataset: Dataset, scenario: Mapping[str, Any]) -> Iterator
         what = f"{words_of(of)} {_kind_of(table, amounts=True)} at {number_text(at, 6)} s"
         yield at, f"{capitalised(what)}{verdict}."
     lost = _failed_before(scenario)
-    for one in left:
+    for one in others:
         excuse = "" if one.part.rstrip("+-") in lost else ", although it had not failed"
         yield one.at, f"{capitalised(one.part)} {_told([one])}{excuse}."
 

@@ -11,7 +11,7 @@ MARK_ROWS, MARK_STEP = 9, 0.1
 """Rows of names of instants, and the height of one over that of a panel."""
 
 
-def paint_marks(panel: Axes, timeline: Timeline, *, named: bool) -> None:
+def paint_marks(panel: Axes, timeline: Timeline, *, with_names: bool) -> None:
     """Paint dotted lines at the instants, as one object, with their names if `named`."""
     if not timeline.marks:
         return
@@ -19,7 +19,7 @@ def paint_marks(panel: Axes, timeline: Timeline, *, named: bool) -> None:
     across, along = np.repeat(instants, 3), np.tile([0.0, 1.0, np.nan], len(instants))
     where = {"transform": panel.get_xaxis_transform(), "scalex": False, "scaley": False}
     panel.plot(across, along, color="black", linewidth=0.9, linestyle=(0, (1, 1.5)), **where)
-    if named:
+    if with_names:
         _name_marks(panel, timeline)
 
 

@@ -15,13 +15,13 @@ def worst_case_document(record: Record) -> Document:
     Raises `KeyError` or `TypeError` for a record of another form.
     """
     within = f"{100 * record['settings']['within']:.6g} %"
-    met = record["margin"] is not None and record["margin"] >= 0
-    how = "holds" if met else "is violated"
+    holds = record["margin"] is not None and record["margin"] >= 0
+    how = "holds" if holds else "is violated"
     text = f"{record['requirement']} {how} in the worst case found: {_margin(record, 'margin')}."
     search = (
         f"It is the worst of {record['flights']:,} flights among the likeliest {within} of all."
     )
-    verdict = Verdict(met, text, [search])
+    verdict = Verdict(holds, text, [search])
     title = f"Worst case: {record['title']}, {record['requirement']}"
     return Document(title, verdict, [Facts("Search", dict(_facts(record))), _quantities(record)])
 

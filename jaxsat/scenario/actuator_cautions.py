@@ -99,8 +99,8 @@ def _wheels_for_a_part(scenario: Scenario) -> Iterator[Issue]:
     working = len(makers.working_wheels)
     if makers.law.torques != 2 or not working:
         return
-    left = makers.left
-    if left.any() and np.abs(left - np.eye(2)).max() > ROUNDING:
+    remainder = makers.remainder
+    if remainder.any() and np.abs(remainder - np.eye(2)).max() > ROUNDING:
         message = (
             f'should make both torques that the law "{scenario.control.law}" commands, or none: '
             "their momentum turns a body that rotates about the third axis, which the law does not "
@@ -214,7 +214,7 @@ def thrusters_take_momentum(scenario: Scenario) -> bool:
 
 
 def fills_wheels(
-    scenario: Scenario, times: Float[np.ndarray, " n"], given: Float[np.ndarray, "n 3"]
+    scenario: Scenario, times: Float[np.ndarray, " n"], gain: Float[np.ndarray, "n 3"]
 ) -> tuple[float, float] | None:
     """Time (s) at which the wheels are full, and the largest part of what they hold, of a momentum
     `given` (N m s, axes of the target) from outside until each of the `times`, beside that of the
@@ -233,7 +233,7 @@ def fills_wheels(
         return None
     directions, sizes, _ = np.linalg.svd(makers.axes)
     along = directions[:, : int(np.sum(sizes > PLANE))]
-    momenta = (_momentum_of_the_start(scenario, times) + given) @ along @ along.T
+    momenta = (_momentum_of_the_start(scenario, times) + gain) @ along @ along.T
     loads = np.array([one for one, _ in _loads(scenario, makers, limit, times, momenta)])
     if loads[0] > 1 or loads.max() <= 1 + ROUNDING:
         return None

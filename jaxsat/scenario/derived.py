@@ -126,7 +126,7 @@ def command_torques(scenario: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     Raises `ValueError` where their plane contains no such torques.
     """
     makers = TorqueMakers.of(scenario)
-    command = plane_map(makers.pushes, *makers.asked_of_thrusters)
+    command = plane_map(makers.pushes, *makers.torques_of_thrusters)
     return makers.pushes, thruster_costs(scenario), command
 
 

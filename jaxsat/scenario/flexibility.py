@@ -25,12 +25,12 @@ MOST_HARMONICS = 10
 class StructuralMode(NamedTuple):
     """An oscillation: the part `of` it, its `frequency` with the body free (rad/s), and its key.
 
-    `held` (rad/s) is the frequency with the body held.
+    `clamped_frequency` (rad/s) is the frequency with the body held.
     """
 
     of: str
     frequency: float
-    held: float
+    clamped_frequency: float
     location: Location
 
 
@@ -45,15 +45,17 @@ def oscillations(scenario: Scenario) -> list[StructuralMode]:
         return []
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     couplings = np.array([one.coupling_sqrt_kg_m for one in modes], float).T
-    held = np.array([one.frequency_rad_s for one in modes])
-    mobility = np.linalg.inv(np.eye(held.size) - couplings.T @ np.linalg.solve(inertia, couplings))
-    squares, shapes = np.linalg.eigh(held[:, None] * mobility * held)
+    frequencies = np.array([one.frequency_rad_s for one in modes])
+    mobility = np.linalg.inv(
+        np.eye(frequencies.size) - couplings.T @ np.linalg.solve(inertia, couplings)
+    )
+    squares, shapes = np.linalg.eigh(frequencies[:, None] * mobility * frequencies)
     names, places = names_of(modes), np.argmax(np.abs(shapes), axis=0)
     return [
         StructuralMode(
             f"{FLEXIBLE_MODE.called} {names[place]}",
             float(math.sqrt(max(square, 0.0))),
-            float(held[place]),
+            float(frequencies[place]),
             (FLEXIBLE_MODE.name, int(place), "frequency_rad_s"),
         )
         for square, place in zip(squares, places, strict=True)
@@ -90,5 +92,5 @@ def flexibility_cautions(scenario: Scenario) -> Iterator[Issue]:
 def _told(one: StructuralMode) -> str:
     return (
         f"the frequency of {one.of}, {one.frequency:.4g} rad/s with the body free "
-        f"({one.held:.4g} rad/s with it held)"
+        f"({one.clamped_frequency:.4g} rad/s with it held)"
     )

@@ -74,10 +74,10 @@ class _Parser:
         match = _TOKEN.match(self.text, self.place) or _WORD.match(self.text, self.place)
         return match.group(1) if match else self.text[self.place :].strip()[:1]
 
-    def take(self, *wanted: str) -> bool:
+    def take(self, *words: str) -> bool:
         """Consume the next word or mark if it is one of `wanted`; return whether it was."""
         match = _TOKEN.match(self.text, self.place)
-        if match is None or match.group(1) not in wanted:
+        if match is None or match.group(1) not in words:
             return False
         self.place = match.end()
         return True
@@ -110,12 +110,12 @@ class _Parser:
 
     def clause(self) -> Formula:
         """Parse a unit, or a unit until another."""
-        held = self.unit()
+        operand = self.unit()
         begin = self.column()
         if not self.take("until"):
-            return held
+            return operand
         window = self.window()
-        return self._temporal("until", held, window, begin, self.unit())
+        return self._temporal("until", operand, window, begin, self.unit())
 
     def unit(self) -> Formula:
         """Parse the operand of a word such as `not` or `always`."""
@@ -150,16 +150,16 @@ class _Parser:
     def _temporal(
         self,
         kind: Literal["always", "eventually", "until"],
-        held: Formula,
+        operand: Formula,
         window: tuple[Instant, Instant],
         column: int,
         until: Formula | None = None,
     ) -> Temporal:
-        inside = [one for part in (held, until) if part is not None for one in all_parts(part)]
+        inside = [one for part in (operand, until) if part is not None for one in all_parts(part)]
         if any(isinstance(one, Temporal) for one in inside):
             rule = "must not have always, eventually, until or within inside each other"
             raise ArgumentError("formula", rule, f"{kind} around another at column {column}")
-        return Temporal(kind, held, window[0], window[1], until)
+        return Temporal(kind, operand, window[0], window[1], until)
 
     def window(self) -> tuple[Instant, Instant]:
         """Parse a window; by default the whole run."""

@@ -30,8 +30,8 @@ def _idle_thrusters(scenario: Scenario) -> Iterator[Issue]:
     working = [place for place, one in enumerate(makers.thrusters) if not one.failed]
     if not working or makers.relieved:
         return
-    left = makers.left
-    if not left.any():
+    remainder = makers.remainder
+    if not remainder.any():
         message = (
             "should leave the thrusters a torque to make: the wheels make all that the law "
             f"commands and thrusters do not unload them, so that none of {len(working)} ever fires"
@@ -40,8 +40,8 @@ def _idle_thrusters(scenario: Scenario) -> Iterator[Issue]:
         return
     torque, _, command = command_torques(scenario)
     owners = np.array([place for place in working for _ in signs(makers.thrusters[place])])
-    used = owners[columns_in_use(torque, command @ left)]
-    idle = [place for place in working if place not in used]
+    busy = owners[columns_in_use(torque, command @ remainder)]
+    idle = [place for place in working if place not in busy]
     names = names_of(makers.thrusters)
     yield from _issues(scenario, ("thruster",), (names[place] for place in idle))
 
@@ -54,19 +54,19 @@ def _idle_ideal_thrusters(scenario: Scenario, torques: int) -> Iterator[Issue]:
     """
     table = scenario.spacecraft
     axes = working_axes(table.thruster_torque_axes or (), table.failed_thrusters)
-    left = TorqueMakers.of(scenario).left
+    remainder = TorqueMakers.of(scenario).remainder
     if not axes.size:
         return
-    used = np.zeros(axes.shape[1], bool)
-    if left.any():
-        shares = ideal_shares(scenario, axes) @ left
-        used = np.abs(shares).max(axis=1) > BASIS_TOLERANCE
+    busy = np.zeros(axes.shape[1], bool)
+    if remainder.any():
+        shares = ideal_shares(scenario, axes) @ remainder
+        busy = np.abs(shares).max(axis=1) > BASIS_TOLERANCE
         if torques == 3:
             both_ways = np.hstack([axes, -axes])
-            used |= columns_in_use(both_ways, left).reshape(2, -1).any(axis=0)
+            busy |= columns_in_use(both_ways, remainder).reshape(2, -1).any(axis=0)
     numbers = range(1, len(table.thruster_torque_axes or ()) + 1)
     working = [number for number in numbers if number not in table.failed_thrusters]
-    idle = [number for number, one in zip(working, used, strict=True) if not one]
+    idle = [number for number, one in zip(working, busy, strict=True) if not one]
     yield from _issues(scenario, ("spacecraft", "thruster_torque_axes"), map(str, idle))
 
 
@@ -76,11 +76,11 @@ def _idle_wheels(scenario: Scenario) -> Iterator[Issue]:
     if not working.size:
         return
     axes, directions = makers.axes, makers.directions
-    used = columns_in_use(np.hstack([axes, -axes]), directions).reshape(2, -1).any(axis=0)
+    busy = columns_in_use(np.hstack([axes, -axes]), directions).reshape(2, -1).any(axis=0)
     shares = least_squares_map(axes, 2, directions=directions)
-    used |= np.abs(shares).max(axis=1) > BASIS_TOLERANCE
+    busy |= np.abs(shares).max(axis=1) > BASIS_TOLERANCE
     names = names_of(makers.wheels)
-    yield from _issues(scenario, ("wheel",), (names[place] for place in working[~used]))
+    yield from _issues(scenario, ("wheel",), (names[place] for place in working[~busy]))
 
 
 def _issues(scenario: Scenario, location: Location, idle: Iterable[str]) -> Iterator[Issue]:

@@ -220,9 +220,9 @@ def _stored_momentum(scenario: Scenario) -> float:
         if part.momentum is not None:
             key, name = part.momentum
             sizes = np.abs([getattr(one, key) for one in getattr(scenario, part.name)])
-            drawn = _dispersed_size(scenario, name, sizes.size)
+            dispersion = _dispersed_size(scenario, name, sizes.size)
             relative = DISPERSIBLE[name].unit == "1"
-            sizes = sizes * (1 + drawn) if relative else np.maximum(sizes, drawn)
+            sizes = sizes * (1 + dispersion) if relative else np.maximum(sizes, dispersion)
             total += float(sizes.sum())
     return total
 

@@ -89,14 +89,14 @@ def _rules_of(law: Law) -> Iterator[ScenarioRule]:
         yield ScenarioRule(keys, functools.partial(_in_order, low, high))
 
 
-def declared_rule(declared: declaration.Rule, law: Law | None = None) -> ScenarioRule:
+def declared_rule(rule: declaration.Rule, law: Law | None = None) -> ScenarioRule:
     """A declared rule of a part or a law as a rule of a scenario; the check gets the law's name."""
-    keys = declared.keys
+    keys = rule.keys
 
     def check(values: Values) -> list[Issue]:
         try:
             arguments = (str(values[key]) if key == "control.law" else values[key] for key in keys)
-            return [at(*one) for one in declared.check(*arguments)]
+            return [at(*one) for one in rule.check(*arguments)]
         except foreign_exceptions() as error:
             if law is None or not is_plugin(law.name):
                 raise

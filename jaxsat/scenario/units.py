@@ -54,8 +54,8 @@ class Conversion(NamedTuple):
         def named(match: re.Match[str]) -> str:
             table, key = match[1], match[2]
             places = [table] if table else [f"{one}." for one in tables]
-            written = next((own[one + key] for one in places if one + key in own), key)
-            return match[0] if written == key else f"{table}{written} (read as {key})"
+            spelling = next((own[one + key] for one in places if one + key in own), key)
+            return match[0] if spelling == key else f"{table}{spelling} (read as {key})"
 
         return re.sub(r"\b((?:\w+\.)*)(\w+)\b", named, issue.message)
 
@@ -79,7 +79,7 @@ def _dotted(location: Location) -> str:
 class KeyUnit(NamedTuple):
     """A unit that a key may end with: its name, and its size in the SI unit."""
 
-    called: str
+    name: str
     size: float
 
 
@@ -214,11 +214,11 @@ def with_units(schema: Any) -> Any:
     }
     required = result.pop("required", [])
     plain = [key for key in required if len(spellings(key)) == 1]
-    needed = [_any_of(family) for family in families if family[0] in required]
+    alternatives = [_any_of(family) for family in families if family[0] in required]
     only_one = [{"oneOf": [*_each(one), {"not": _any_of(one)}]} for one in families]
     if "type" not in properties:
-        return result | _rules(plain, [*only_one, *needed])
-    without_type = {"if": {"not": {"required": ["type"]}}, "then": _rules(plain, needed)}
+        return result | _rules(plain, [*only_one, *alternatives])
+    without_type = {"if": {"not": {"required": ["type"]}}, "then": _rules(plain, alternatives)}
     return result | _rules([], only_one) | without_type
 
 
@@ -251,6 +251,6 @@ def _in_unit(entry: Any, key: str, unit: KeyUnit) -> Any:
         if isinstance(result.get(name), int | float):
             result[name] /= unit.size
     if "unit" in result:
-        text = f"In place of {key} ({unit.called})"
-        result |= {"unit": unit.called, "description": text, "in_place_of": key}
+        text = f"In place of {key} ({unit.name})"
+        result |= {"unit": unit.name, "description": text, "in_place_of": key}
     return result

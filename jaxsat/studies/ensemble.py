@@ -201,20 +201,20 @@ class Study:
 
 
 def _by_column(outputs: Outputs) -> dict[str, np.ndarray]:
-    named = {name: values for name, values in outputs._asdict().items() if values is not None}
-    draws = named.pop("drawn")
-    named |= named.pop("parts")
-    failures = named.pop("failures", {})
-    errors, estimate = {}, named.pop("integration_error", None)
+    arrays = {name: values for name, values in outputs._asdict().items() if values is not None}
+    draws = arrays.pop("drawn")
+    arrays |= arrays.pop("parts")
+    failures = arrays.pop("failures", {})
+    errors, estimate = {}, arrays.pop("integration_error", None)
     if estimate is not None:
         errors = {name: getattr(estimate, part) for name, (part, _) in ERRORS.items()}
-    margins = named.pop("requirements", None)
+    margins = arrays.pop("requirements", None)
     if margins is not None:
         errors |= {name: getattr(margins, part) for name, (part, _) in REQUIREMENTS.items()}
     rotation = pointing_error(np.asarray(outputs.quaternion))
-    named["pointing_error"] = np.linalg.norm(rotation, axis=-1)
+    arrays["pointing_error"] = np.linalg.norm(rotation, axis=-1)
     columns = {
         DRAWN + name: values[..., 0] if values.shape[-1] == 1 else values
         for name, values in draws.items()
     }
-    return {**named, **failures, **errors, **columns}
+    return {**arrays, **failures, **errors, **columns}

@@ -54,8 +54,8 @@ class Held:
     def _starts(self) -> "_Starts":
         """Start of each case; one for all without draws."""
         names = [name for name in QUANTITIES if name in self.draws]
-        drawn = tuple(np.asarray(self.draws[name]) for name in names)
-        drawn = tuple(one.reshape(len(one), -1) for one in drawn)
+        draws = tuple(np.asarray(self.draws[name]) for name in names)
+        draws = tuple(one.reshape(len(one), -1) for one in draws)
 
         def begin(values, _):
             perturbed = PerturbedLoop(self.loop, self.start, self.loop)
@@ -68,7 +68,7 @@ class Held:
 
         if not names:
             return _Starts(*(np.asarray(one)[None] for one in begin((), None)))
-        starts = compiled_over_cases(begin, tuple(one[0] for one in drawn))(drawn)
+        starts = compiled_over_cases(begin, tuple(one[0] for one in draws))(draws)
         return _Starts(*map(np.asarray, starts))
 
     @once_property
@@ -99,12 +99,12 @@ class Held:
         away = np.abs(across) / np.where(beside > 0, beside, 1.0)[:, None]
         most = _within(limits.tilt, limits.turn, np.hypot(away[:, 0], away[:, 1]), away[:, 2])
         along = path @ normal
-        left = (
+        margin = (
             np.abs(along)
             + self._unknown(case, failed)
             - np.sin(np.minimum(most, np.pi / 2)) * beside
         )
-        rates = np.sign(along) * np.maximum(left, 0.0) / float(np.linalg.norm(inertia @ normal))
+        rates = np.sign(along) * np.maximum(margin, 0.0) / float(np.linalg.norm(inertia @ normal))
         rates = rates[times >= self.duration - limits.dwell]
         turned = np.ptp(np.cumsum(rates)) * (times[1] - times[0])
         return bool(turned <= SLOW * limits.about and np.abs(rates).max() <= limits.rate)
@@ -185,8 +185,8 @@ class Held:
         if self.free:
             return 0.0
         inertia, _, into_body = self._starts.of(case)
-        given = self._torques(inertia, np.zeros(1), np.stack([into_body, np.eye(3)]))[:, 0]
-        return float(np.linalg.norm(into_body.T @ given[0] - given[1])) * failed
+        torques = self._torques(inertia, np.zeros(1), np.stack([into_body, np.eye(3)]))[:, 0]
+        return float(np.linalg.norm(into_body.T @ torques[0] - torques[1])) * failed
 
     def _torques(
         self,

@@ -95,7 +95,7 @@ class RodsLeft(NamedTuple):
         return least_load(path, turn, axes, room, impulses, low, high)
 
     def opposed(
-        self, judged: Judgement, capacity: Float[np.ndarray, " m"], tolerance: float
+        self, judgement: Judgement, capacity: Float[np.ndarray, " m"], tolerance: float
     ) -> float:
         """Return the part of the torque of stuck ones that healthy ones oppose over an orbit;
         infinite without one.
@@ -106,8 +106,8 @@ class RodsLeft(NamedTuple):
         rods = self.rods
         if rods is None or not np.any(rods.axes @ self.stuck):
             return np.inf
-        healthy, wheels = np.flatnonzero(self.healthy).tolist(), judged.actuators
-        rest = rest_with_rods(judged, rods, healthy)
+        healthy, wheels = np.flatnonzero(self.healthy).tolist(), judgement.actuators
+        rest = rest_with_rods(judgement, rods, healthy)
         if rest is None:
             return 0.0
         from jaxsat.controllability.stuck_dipole import OrbitWheels, largest_opposed  # slow
@@ -118,7 +118,7 @@ class RodsLeft(NamedTuple):
             rods,
             healthy,
             dipole / size,
-            judged.inertia,
+            judgement.inertia,
             OrbitWheels(wheels.wheel_axes, capacity, wheels.coasting),
             rest,
             angle,

@@ -234,13 +234,13 @@ def binomial(count: int, probability: float) -> tuple[int, Float[np.ndarray, " n
     Those of all others, more than `FAR` standard deviations away, are not computed. Ratios of
     neighbouring terms give all of them.
     """
-    missed = 1 - probability
+    complement = 1 - probability
     mode = min(math.floor((count + 1) * probability), count)
-    reach = FAR * math.ceil(1 + math.sqrt(count * probability * missed))
+    reach = FAR * math.ceil(1 + math.sqrt(count * probability * complement))
     first = max(mode - reach, 0)
     more, fewer = np.arange(mode, min(mode + reach, count)), np.arange(mode, first, -1)
-    above = np.cumprod((count - more) * probability / ((more + 1) * missed))
-    below = np.cumprod(fewer * missed / ((count - fewer + 1) * probability))
+    above = np.cumprod((count - more) * probability / ((more + 1) * complement))
+    below = np.cumprod(fewer * complement / ((count - fewer + 1) * probability))
     at_most = np.cumsum(np.concatenate([below[::-1], [1.0], above]))
     return first, at_most / at_most[-1]
 

@@ -345,16 +345,16 @@ def _judge(
         return TorquesLeft.NOT_DECIDED, None
     if judgement is None:
         return TorquesLeft.UNOPPOSED_TORQUE, None
-    rods, left = magnetic.rods, magnetic.healthy
+    rods, healthy = magnetic.rods, magnetic.healthy
     if rods is not None:
-        judgement = judge_with_rods(judgement, rods, np.flatnonzero(left).tolist(), TOLERANCE)
-    if judgement.without_rods is not None and not law_uses_rods(loop, axes, left):
+        judgement = judge_with_rods(judgement, rods, np.flatnonzero(healthy).tolist(), TOLERANCE)
+    if judgement.without_rods is not None and not law_uses_rods(loop, axes, healthy):
         judgement = judgement.without_rods
     if judgement.laws == "magnetic" and magnetic.opposed(judgement, capacity, tolerance) < 1:
         return TorquesLeft.UNOPPOSED_TORQUE, None
     if judgement.laws == "magnetic" and judgement.verdict == "controllable":
-        held = _turns_runaways(loop, here)
-        return _LEFT[judgement.laws] if held else TorquesLeft.UNHELD_MOMENTUM, None
+        steady = _turns_runaways(loop, here)
+        return _LEFT[judgement.laws] if steady else TorquesLeft.UNHELD_MOMENTUM, None
     if judgement.verdict == "borderline":
         return TorquesLeft.NOT_DECIDED, None
     # Thrusters have changed the momentum before, by what only the flight tells.

@@ -167,11 +167,11 @@ def study_of_requirements(
 def chosen_requirement(scenario: Scenario, study: Study, name: str | None) -> RequirementTable:
     """Return the requirement of that id; raises `ArgumentError` if studies do not judge it."""
     requirements = study.program.requirements
-    judged = () if requirements is None else requirements.names
-    if name is None and len(judged) == 1:
-        name = judged[0]
-    if name not in judged:
-        rule = f"must be one that studies judge: {', '.join(judged) or 'there is none'}"
+    names = () if requirements is None else requirements.names
+    if name is None and len(names) == 1:
+        name = names[0]
+    if name not in names:
+        rule = f"must be one that studies judge: {', '.join(names) or 'there is none'}"
         raise ArgumentError("requirement", rule, name or "nothing")
     return next(one for one in scenario.requirement if one.id == name)
 

@@ -107,7 +107,7 @@ def test_matlab_has_the_completed_cases_of_a_study(study):
 
 def test_names_are_valid_in_matlab_and_differ():
     given = ["omega", "_hidden", "größe", "gr_ße", "2nd", "a b", "a_b", "x" * 70, "x" * 71]
-    found = matlab_names([*given, "about", *sorted(KEYWORDS)], taken=["about"])
+    found = matlab_names([*given, "about", *sorted(KEYWORDS)], reserved=["about"])
     assert found["omega"] == "omega"
     assert (found["case"], found["2nd"], found["about"]) == ("case_", "x2nd", "about_2")
     assert len(set(found.values())) == len(found)

@@ -10,7 +10,8 @@ import pytest
 
 from helpers.tools import needs
 from jaxsat.core import process
-from jaxsat.flight.files import Request, export
+from jaxsat.flight.files import export
+from jaxsat.flight.request import Request
 from jaxsat.report.results import fly
 from jaxsat.scenario import ScenarioError, dump, plugins
 from jaxsat.scenario.build.load import load

@@ -17,11 +17,12 @@ from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.keys import number
 from jaxsat.flight import search
 from jaxsat.flight.calls import COAST, INIT, STEP, call_sizes, drawn_calls, expected_of_calls
-from jaxsat.flight.files import Request, export
+from jaxsat.flight.files import export
 from jaxsat.flight.harness import calls_header, records_header
 from jaxsat.flight.interface import parameters
 from jaxsat.flight.program import flight_program
 from jaxsat.flight.reference import Reference
+from jaxsat.flight.request import Request
 from jaxsat.flight.search import NoSearch, found_calls
 from jaxsat.flight.source import header, source
 from jaxsat.scenario.build.load import load

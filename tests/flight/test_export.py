@@ -26,9 +26,10 @@ from jaxsat.core.errors import LibraryError
 from jaxsat.core.jaxprs import jaxpr_of
 from jaxsat.flight import measure, vectors
 from jaxsat.flight.external import Library, with_library
-from jaxsat.flight.files import Export, Request, export
+from jaxsat.flight.files import Export, export
 from jaxsat.flight.flight import CannotExport
 from jaxsat.flight.program import flight_program
+from jaxsat.flight.request import Request
 from jaxsat.flight.source import source
 from jaxsat.flight.templates import is_built
 from jaxsat.scenario.build.load import load

@@ -6,7 +6,8 @@ import pytest
 
 from helpers.tools import needs
 from jaxsat.flight import vectors
-from jaxsat.flight.files import Request, export
+from jaxsat.flight.files import export
+from jaxsat.flight.request import Request
 from tests.flight.folders import write_files
 from tests.flight.hostile import Empty, Forgetful, PartlyEmpty, Worded
 from tests.flight.laws import loop_of, start

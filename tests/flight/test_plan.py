@@ -16,8 +16,9 @@ from jaxsat.cli import main
 from jaxsat.cli.scenarios import refusals
 from jaxsat.control.plan_tracking import PlanTracking
 from jaxsat.flight import vectors
-from jaxsat.flight.files import Request, export, export_plan
+from jaxsat.flight.files import export, export_plan
 from jaxsat.flight.flight import CannotExport
+from jaxsat.flight.request import Request
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import _with_library

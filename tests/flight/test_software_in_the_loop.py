@@ -18,8 +18,9 @@ from jaxsat.compiler.llvm.mapped import Mapped
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.flight import vectors
 from jaxsat.flight.external import Library, _Call
-from jaxsat.flight.files import Request, export
+from jaxsat.flight.files import export
 from jaxsat.flight.flight import Seen, flight_loop
+from jaxsat.flight.request import Request
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.spacecraft.wheels import wheel_momentum

@@ -11,7 +11,8 @@ import pytest
 from helpers.tools import needs
 from jaxsat.flight import vectors
 from jaxsat.flight.cfs import table_cautions
-from jaxsat.flight.files import Request, export
+from jaxsat.flight.files import export
+from jaxsat.flight.request import Request
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation.sampled_loop import SampledLoop

@@ -9,8 +9,9 @@ import pytest
 from helpers.tools import needs
 from jaxsat.compiler.c.contexts import column_of
 from jaxsat.flight import vectors
-from jaxsat.flight.files import Request, export
+from jaxsat.flight.files import export
 from jaxsat.flight.program import flight_program
+from jaxsat.flight.request import Request
 from jaxsat.flight.source import source
 from tests.flight.folders import write_files
 from tests.flight.laws import Scheduled, loop_of, start

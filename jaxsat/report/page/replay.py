@@ -88,14 +88,14 @@ def phases_of(dataset: Dataset) -> list[dict[str, Any]]:
 
 
 def _failures_of_part(
-    scenario: Mapping[str, Any], kind: str, name: str, gone: bool, way: int = 1
+    scenario: Mapping[str, Any], kind: str, name: str, failed: bool, way: int = 1
 ) -> list[dict[str, Any]]:
     """Return the failures of a part in order of time (s), each replacing the one before.
 
     The part may be `gone` before the start. Stuck and leaking kinds do not affect the way -1 of a
     two-sided thruster.
     """
-    if gone:
+    if failed:
         return [{"at": 0.0, "kind": "failed"}]
     failures = [
         {"at": float(table.get("at_s", 0.0)), "kind": str(table.get("kind", ""))}
@@ -119,7 +119,7 @@ def _thrusters(
     thrusters, column = [], 0
     for place, table in enumerate(tables, 1):
         name = str(table.get("name", place))
-        gone = bool(table.get("failed"))
+        failed = bool(table.get("failed"))
         for sign in (1, -1)[: 1 + bool(table.get("two_sided"))]:
             force = _unit(table.get("direction"), sign)
             thrusters.append(
@@ -128,11 +128,11 @@ def _thrusters(
                     "position": table.get("position_m"),
                     "force": force,
                     "axis": _torque_axis(table, sign),
-                    "failures": _failures_of_part(scenario, "thruster", name, gone, sign),
-                    "column": column if has_levels and not gone else None,
+                    "failures": _failures_of_part(scenario, "thruster", name, failed, sign),
+                    "column": column if has_levels and not failed else None,
                 }
             )
-            column += not gone
+            column += not failed
     return thrusters, level if has_levels else None
 
 

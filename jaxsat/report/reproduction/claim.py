@@ -90,7 +90,7 @@ class Claim(NamedTuple):
 
     source: str
     statement: str
-    found: str
+    finding: str
     verdict: ClaimVerdict
     condition: str = ""
 

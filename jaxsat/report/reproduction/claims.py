@@ -211,7 +211,7 @@ def claims_document(claims: Sequence[Claim]) -> Document:
         "in this folder."
     ]
     rows = [
-        [one.source, one.statement, one.found, Shown(one.verdict_text, good=GOOD[one.verdict])]
+        [one.source, one.statement, one.finding, Shown(one.verdict_text, good=GOOD[one.verdict])]
         for one in claims
     ]
     table = Table("Claims", ["where", "claim", "found", "verdict"], rows)

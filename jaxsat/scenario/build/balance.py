@@ -119,10 +119,10 @@ def turn_to_held(scenario: Scenario, judgement: Judgement) -> Float[np.ndarray, 
         return None
     into_body = np.asarray(build_start(scenario).attitude.as_dcm().matrix)
     momentum, normal = into_body.T @ actuators.momentum, wheels.missing[:, 0]
-    held = nearest_held(
+    nearest = nearest_held(
         as_float(momentum), as_float(actuators.coasting), as_float(normal), as_float(0.0)
     )
-    return 2 * np.asarray(held.attitude.q)[1:] / np.sinc(float(held.angle) / (2 * np.pi))
+    return 2 * np.asarray(nearest.attitude.q)[1:] / np.sinc(float(nearest.angle) / (2 * np.pi))
 
 
 def undriven_balance(scenario: Scenario) -> Balance | None:
@@ -158,11 +158,11 @@ def balance_about(scenario: Scenario, normal: Float[np.ndarray, "3"]) -> Balance
 
     plant = build_plant(scenario)
     inertia, square = np.asarray(plant.spacecraft.inertia), orbit_rate(scenario) ** 2
-    given = _torque_about(plant, normal, _times(scenario))
+    torque = _torque_about(plant, normal, _times(scenario))
 
     def missing(turn: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
         gyroscopic = square * missing_torque(inertia, normal, turn, False)
-        return np.asarray(gyroscopic - given(rotation(turn)))
+        return np.asarray(gyroscopic - torque(rotation(turn)))
 
     scale = float(np.abs(missing(np.random.default_rng(0).normal(size=(BATCH, 3)))).max())
     if scale == 0:

@@ -94,7 +94,7 @@ def replayed_case(scenario: Scenario, study: "Study", number: int) -> LabelledAr
 
 
 def _failures(
-    scenario: Scenario, study: "Study", drawn: Mapping[str, Any]
+    scenario: Scenario, study: "Study", numbers: Mapping[str, Any]
 ) -> list[dict[str, Any]] | None:
     """Return the tables `[[failure]]` of actuators and sensors as drawn for a case.
 
@@ -102,7 +102,7 @@ def _failures(
     """
     from jaxsat.studies.failure_codes import CODES
 
-    if not any(name.startswith(("fail", "sensor_failure")) for name in drawn):
+    if not any(name.startswith(("fail", "sensor_failure")) for name in numbers):
         return None
     devices, of_sensors = [], []
     for table in scenario.failure:
@@ -110,11 +110,11 @@ def _failures(
         (devices if one["of"].partition(" ")[0] in _EFFECTORS else of_sensors).append(one)
     devices.sort(key=lambda one: _EFFECTORS.index(one["of"].partition(" ")[0]))
     of_sensors.sort(key=lambda one: _GROUPS.get(one["of"].partition(" ")[0], 0))
-    for one, at in zip(of_sensors, drawn.get("sensor_failure_time", ()), strict=False):
+    for one, at in zip(of_sensors, numbers.get("sensor_failure_time", ()), strict=False):
         one["at_s"] = float(at)
     if study.failures is None or not devices:
         return of_sensors
-    draws = {name: np.asarray(values)[None] for name, values in drawn.items()}
+    draws = {name: np.asarray(values)[None] for name, values in numbers.items()}
     columns = study.failures.struck(draws, 1)
     for number, one in enumerate(devices):
         at, part, code, amount = (values[0, number] for values in columns.values())

@@ -116,11 +116,11 @@ def require_steered(
             place = place_in(inspect.getfile(type(one)), error)
             message = f"{rule} can be run, got {type(error).__name__}: {text}{place}"
             raise BuildError(Issue((one.kind,), message)) from error
-        wanted = ((counts[one.kind],), (3,))
-        found = tuple(getattr(value, "shape", None) for value in jax.tree.leaves(outcome))
-        if found != wanted:
+        shapes = ((counts[one.kind],), (3,))
+        actual = tuple(getattr(value, "shape", None) for value in jax.tree.leaves(outcome))
+        if actual != shapes:
             place = _place_of_method(type(one), "__call__")
-            message = f"{rule} gives arrays of shapes {wanted}{place}, got {found}"
+            message = f"{rule} gives arrays of shapes {shapes}{place}, got {actual}"
             raise BuildError(Issue((one.kind,), message))
 
 

@@ -155,7 +155,7 @@ def _estimator(
         return RawMeasurements()
     if table.kind == "mekf":
         noise = tuple(one.noise for one in context.vectors)
-        seen: dict[str, Any] = {
+        arguments: dict[str, Any] = {
             "tracker": context.tracker,
             "vector_noise": noise,
             "vector_latency": context.latency,
@@ -163,7 +163,7 @@ def _estimator(
         }
         if context.body is None:
             assert context.gyro is not None
-            return MultiplicativeFilter(orbit=context.orbit, gyro=context.gyro, **seen)
+            return MultiplicativeFilter(orbit=context.orbit, gyro=context.gyro, **arguments)
         torques = TorqueModel(
             table.torque_noise_N_m_sqrt_Hz,
             table.torque_sigma_N_m,
@@ -175,7 +175,7 @@ def _estimator(
             rate_sigma=table.rate_sigma_rad_s,
             momentum_noise=_momentum_noise(scenario),
             gyro=context.gyro,
-            **seen,
+            **arguments,
         )
     part, location = find_part(ESTIMATOR, table.kind), ("estimator", "kind")
     estimator = made_part(part, location, table, context)

@@ -165,12 +165,12 @@ def _amounts(number, one, alternatives):
         if key not in amounts:
             got = shown(getattr(one, key))
             yield Issue(("failure", number, key), f"must not be given {what}, got {got}")
-    begun = [keys for keys in alternatives if set(present) & set(keys)]
-    for key in amounts[-1:] if not begun else begun[0] if len(begun) == 1 else ():
+    partial = [keys for keys in alternatives if set(present) & set(keys)]
+    for key in amounts[-1:] if not partial else partial[0] if len(partial) == 1 else ():
         if key not in present:
             message = f"must be given {what}, got nothing"
             yield Issue(("failure", number, key), message, (), True)
-    if len(begun) > 1:
+    if len(partial) > 1:
         message = f"must not be given with {amounts[0]} {what}"
         yield Issue(("failure", number, amounts[-1]), message)
 

@@ -191,7 +191,7 @@ def _thrusters_make_what_the_law_commands(thrusters, law, wheels, *steered):
             axes = makers.axes
             require_all_ways(np.concatenate([unit_columns(torque), axes, -axes], axis=1))
         else:
-            command_map = plane_map(torque, *makers.asked_of_thrusters)
+            command_map = plane_map(torque, *makers.torques_of_thrusters)
             least_propellant(torque, np.ones(torque.shape[1]), command_map)
     except ValueError as error:
         message = (

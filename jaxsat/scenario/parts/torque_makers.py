@@ -69,7 +69,7 @@ class TorqueMakers:
         return np.eye(3)[:, : self.law.torques or 3]
 
     @property
-    def left(self) -> Float[np.ndarray, "torques torques"]:
+    def remainder(self) -> Float[np.ndarray, "torques torques"]:
         """Part of a command about `directions` that wheels do not make; all without wheels."""
         directions = self.directions
         if not self.wheels:
@@ -79,7 +79,7 @@ class TorqueMakers:
     @property
     def wheels_make_all(self) -> bool:
         """Whether wheels make every command, so that thrusters beside them stay idle."""
-        return bool(self.wheels) and not self.left.any()
+        return bool(self.wheels) and not self.remainder.any()
 
     @property
     def thrusters_make_all(self) -> bool:
@@ -110,7 +110,7 @@ class TorqueMakers:
         return commands and still and not self.all_ways
 
     @property
-    def asked_of_thrusters(self) -> tuple[int, bool]:
+    def torques_of_thrusters(self) -> tuple[int, bool]:
         """Number of torques that a law needs of thrusters, and whether two may be in any plane."""
         law = self.law
         if self.plane_flies:

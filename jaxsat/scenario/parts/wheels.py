@@ -155,7 +155,7 @@ def _wheels_and_thrusters_make_what_the_law_commands(values):
         return
     working = working_axes(axes or (), values["spacecraft.failed_thrusters"])
     missing = what_is_left(working, least_squares_map(working, torques))
-    missing = missing @ TorqueMakers(wheels, (), declaration).left
+    missing = missing @ TorqueMakers(wheels, (), declaration).remainder
     if abs(missing).max() > MISSING:
         count = sum(not one.failed for one in wheels)
         which = "x and y" if torques == 2 else "x, y and z"

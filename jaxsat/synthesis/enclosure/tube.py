@@ -151,13 +151,13 @@ class _Loop:
 
     def hold(self, state: Form, command: Form, duration: float) -> _Hold | None:
         """Return the state over a hold, None where no box that contains it was found."""
-        held = between(command.lower, command.upper)
-        around = self._around(state, held, duration)
-        deviation = None if around is None else self._deviation(around, held, duration)
+        level = between(command.lower, command.upper)
+        around = self._around(state, level, duration)
+        deviation = None if around is None else self._deviation(around, level, duration)
         if around is None or deviation is None:
             return None
         middle = [exact(one.center) for one in self.disturbed]
-        (last,) = self.last(around, held, *middle)
+        (last,) = self.last(around, level, *middle)
         if not np.isfinite(last.rest).all():
             return None
         last = between(last.lower, last.upper)  # its symbols are those of the box
@@ -171,24 +171,24 @@ class _Loop:
         if hold is not None:
             times = np.linspace(0.0, duration, pieces + 1)
             spans = [(end, hold.at(between(first, end))) for first, end in pairwise(times)]
-            found = [_Piece(end, form.lower, form.upper) for end, form in spans]
-            return hold.at(exact(duration)), found
+            segments = [_Piece(end, form.lower, form.upper) for end, form in spans]
+            return hold.at(exact(duration)), segments
         if not halvings:
             return None
-        found = []
+        segments = []
         for half in range(2):
             part = self.period(state, command, duration / 2, pieces, halvings - 1)
             if part is None:
                 return None
             state = part[0]
-            found += [one._replace(end=half * duration / 2 + one.end) for one in part[1]]
-        return state, found
+            segments += [one._replace(end=half * duration / 2 + one.end) for one in part[1]]
+        return state, segments
 
-    def _around(self, state: Form, held: Form, duration: float) -> Form | None:
+    def _around(self, state: Form, level: Form, duration: float) -> Form | None:
         """Return a box that contains the state over a hold, with a symbol for each component."""
         first_low, first_high = low, high = state.lower, state.upper
         for _ in range(12):
-            (rate,) = self.rate(box(low, high), held, *self.disturbed)
+            (rate,) = self.rate(box(low, high), level, *self.disturbed)
             down = _down(first_low + _down(np.minimum(duration * rate.lower, 0.0)))
             up = _up(first_high + _up(np.maximum(duration * rate.upper, 0.0)))
             if not np.isfinite(up - down).all():
@@ -199,7 +199,7 @@ class _Loop:
             low, high = np.minimum(low, down - margin), np.maximum(high, up + margin)
         return None
 
-    def _deviation(self, around: Form, held: Form, duration: float) -> Form | None:
+    def _deviation(self, around: Form, level: Form, duration: float) -> Form | None:
         """Return what the disturbance adds to the state, which it has in its middle, over a hold.
 
         Where |∂f/∂x| ≤ A and the disturbance changes the rate by at most w, the deviation is at
@@ -209,7 +209,7 @@ class _Loop:
         if self.jacobian is None or not self.disturbed:
             return exact(np.zeros(around.shape))
         disturbed = self.disturbed[0]
-        sets, ends = (around, held, disturbed), np.cumsum([len(around.center), len(held.center)])
+        sets, ends = (around, level, disturbed), np.cumsum([len(around.center), len(level.center)])
         lower, upper = (np.concatenate([getattr(one, end) for one in sets]) for end in ENDS)
         state, command, whole = map(Form, np.split(box(lower, upper).rows, ends, axis=1))
         (rate,) = self.rate(state, command, whole)
@@ -236,9 +236,9 @@ def _renewed(state: Form, symbols: int) -> Form:
     slopes, rest = np.concatenate([slopes, np.diag(state.rest)]), np.zeros(state.shape)
     if len(slopes) > symbols:
         slopes = slopes[np.argsort(-np.linalg.norm(slopes, axis=1), kind="stable")]
-        kept = symbols // 2
-        frame, rest = _framed(slopes[kept:])
-        slopes = np.concatenate([slopes[:kept], frame])
+        half = symbols // 2
+        frame, rest = _framed(slopes[half:])
+        slopes = np.concatenate([slopes[:half], frame])
     return Form(np.concatenate([[state.center, rest], fixed, slopes]), starts)
 
 
@@ -300,25 +300,25 @@ def enclose(
     if disturbance is not None:
         disturbance = _box("disturbance", disturbance)
     loop = _Loop(dynamics, controller, len(lower), disturbance, order)
-    boxes, found = [(lower, upper)], [_Piece(0.0, lower, upper)]
+    boxes, segments = [(lower, upper)], [_Piece(0.0, lower, upper)]
     with np.errstate(all="ignore"):
         state = start_box(lower, upper)
         for number in range(periods):
             (command,) = loop.command(state)
-            flown = loop.period(state, command, period, pieces)
-            if flown is None or not np.isfinite(flown[0].rows).all():
+            outcome = loop.period(state, command, period, pieces)
+            if outcome is None or not np.isfinite(outcome[0].rows).all():
                 break
-            state = _renewed(flown[0], symbols)
+            state = _renewed(outcome[0], symbols)
             boxes.append((state.lower, state.upper))
-            found += [one._replace(end=number * period + one.end) for one in flown[1]]
-    return _tube(boxes, found, period * np.arange(periods + 1))
+            segments += [one._replace(end=number * period + one.end) for one in outcome[1]]
+    return _tube(boxes, segments, period * np.arange(periods + 1))
 
 
-def _tube(boxes: list, found: "list[_Piece]", times: np.ndarray) -> Tube:
+def _tube(boxes: list, segments: "list[_Piece]", times: np.ndarray) -> Tube:
     """Return the tube, infinite where boxes are missing."""
     missing, infinite = len(times) - len(boxes), np.full(len(boxes[0][0]), np.inf)
     boxes = boxes + [(-infinite, infinite)] * missing
-    found = found + [_Piece(times[-1], -infinite, infinite)] * (missing > 0)
+    segments = segments + [_Piece(times[-1], -infinite, infinite)] * (missing > 0)
     lower, upper = (np.array(ends) for ends in zip(*boxes, strict=True))
-    ends, low, high = (np.array(values) for values in zip(*found, strict=True))
+    ends, low, high = (np.array(values) for values in zip(*segments, strict=True))
     return Tube(times, lower, upper, ends, low[1:], high[1:])

@@ -64,7 +64,7 @@ class TuningResult:
     state: DescentState
     with_baselines: bool = False
     listener: Listener = Listener()
-    kept: Document | None = None
+    earlier_document: Document | None = None
 
     _repr_markdown_ = notebook_text
 
@@ -104,8 +104,8 @@ class TuningResult:
     @property
     def document(self) -> Document:
         """The document that `jaxsat tune` prints."""
-        if self.kept is not None:
-            return self.kept
+        if self.earlier_document is not None:
+            return self.earlier_document
         parts = self.verdict, self.receipt, self.baselines
         verdict, receipt, baselines = map(plain_data, parts)
         title = self.original.title

@@ -27,13 +27,13 @@ class NoGradient(JaxsatError):
 class Unusable(NamedTuple):
     """Cases at one point of the search whose cost or derivative is not finite.
 
-    `cases` are their numbers among `asked` cases, and `impossible` counts those that cannot exist;
+    `cases` are their numbers among `total` cases, and `impossible` counts those that cannot exist;
     `gains` are the labels of derivatives that are not finite. `reason` is a sentence on the first
     one.
     """
 
     cases: list[int]
-    asked: int
+    total: int
     impossible: int
     gains: list[str]
     reason: str
@@ -41,7 +41,7 @@ class Unusable(NamedTuple):
     def __str__(self) -> str:
         which = ", ".join(map(str, self.cases[:LISTED]))
         more = f" and {len(self.cases) - LISTED} more" if len(self.cases) > LISTED else ""
-        text = f"{len(self.cases)} of {self.asked} cases have no usable gradient ({which}{more})"
+        text = f"{len(self.cases)} of {self.total} cases have no usable gradient ({which}{more})"
         if self.impossible:
             text += f", {self.impossible} of them as they cannot exist"
         return f"{text}{self.reason and ': '}{self.reason}"

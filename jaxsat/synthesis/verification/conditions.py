@@ -130,8 +130,8 @@ def with_failures(scenario: Scenario, group: Sequence[ActuatorDeclaration]) -> S
 def _any_kinds(loop: AbstractLoop) -> Mapping[str, Any]:
     """Return the distribution of the kind of each failure: those that a study of this loop can
     draw, without amount or with a fraction."""
-    drawn = {one.name: one.drawn for one in ACTUATORS}
-    failing = [drawn[one.part] for one in failures_of(loop) for _ in range(one.count)]
+    kinds_of = {one.name: one.drawn for one in ACTUATORS}
+    failing = [kinds_of[one.part] for one in failures_of(loop) for _ in range(one.count)]
     high = np.asarray(limits_of("failure_kind", False, loop).high)
     kinds = [
         [int(kind) for kind in one if kind <= most and kind.amounts in ((), (FRACTION,))]

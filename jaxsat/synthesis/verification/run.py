@@ -196,7 +196,7 @@ class _Study:
             fewest = int(counts.argmin())
             worst = int(places[np.argmin(np.nan_to_num(margins[:, fewest], nan=-np.inf))])
             decisive = self._decisive(columns, worst, fewest)
-            left = np.bincount(columns["torques_left"][places]).argmax()
+            torques = np.bincount(columns["torques_left"][places]).argmax()
             diagnosis, settling = one.diagnosis, one.settling_delay
             detection = {} if diagnosis is None else diagnosis.detection_delay
             yield FailureRow(
@@ -204,7 +204,7 @@ class _Study:
                 failure=one.kind,
                 severity=_severity(one, counts),
                 cases=one.cases,
-                left=TorquesLeft(left).name.lower().replace("_", " "),
+                left=TorquesLeft(torques).name.lower().replace("_", " "),
                 detected=None if diagnosis is None else diagnosis.detected,
                 detection_time=detection[50.0].value if detection else math.nan,
                 isolated=None if diagnosis is None else diagnosis.isolated,

@@ -206,10 +206,10 @@ def _comparable(batch: Batch) -> np.ndarray:
 
 def _judged(dataset: LabelledArrays, table: RequirementTable) -> tuple[float, str, float]:
     """Return margin, deciding signal and time (s) of a run; the margin in `unit_of` its table."""
-    judged = next(one for one in judgements(dataset) if one.id == table.id)
+    judgement = next(one for one in judgements(dataset) if one.id == table.id)
     sizes = {one.unit: one.size for one in comparisons(table.parsed)}
-    margin = judged.margin * sizes[judged.unit] / unit_of(table)[1]
-    return (-np.inf if np.isnan(margin) else margin), judged.signal, judged.time
+    margin = judgement.margin * sizes[judgement.unit] / unit_of(table)[1]
+    return (-np.inf if np.isnan(margin) else margin), judgement.signal, judgement.time
 
 
 def _quantities(study: Study, batch: Batch, number: int) -> Iterator[WorstQuantity]:

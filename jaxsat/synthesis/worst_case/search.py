@@ -45,14 +45,14 @@ class Ball(NamedTuple):
         return y * (folded / np.where(length > 0, length, 1.0))
 
     def least_along(
-        self, gradient: Float[np.ndarray, " d"], held: Float[np.ndarray, " d"]
+        self, gradient: Float[np.ndarray, " d"], offset: Float[np.ndarray, " d"]
     ) -> Float[np.ndarray, " d"]:
         """Return the point where a function of this gradient, if it were linear, is least.
 
-        `held` has the coordinates that stay, which have no gradient, and zeros for others.
+        `offset` has the coordinates that stay, which have no gradient, and zeros for others.
         """
-        left = np.sqrt(max(self.radius**2 - held @ held, 0.0))
-        return held - left * gradient / np.linalg.norm(gradient)
+        half_chord = np.sqrt(max(self.radius**2 - offset @ offset, 0.0))
+        return offset - half_chord * gradient / np.linalg.norm(gradient)
 
 
 STEP = 1e-4
@@ -177,17 +177,17 @@ def search(
         ]
     )
     common = max(1, flights // PORTION)
-    left = flights - common
+    budget = flights - common
     order = np.argsort(margins[:common], kind="stable")
     starts = [Flown(x[place], int(noise[place]), float(margins[place])) for place in order]
-    most = left // 2 // DESCENTS
+    most = budget // 2 // DESCENTS
     descents = [descend(evaluate, ball, whole, one, most) for one in starts[:DESCENTS]]
-    left -= sum(one.flights for one in descents)
+    budget -= sum(one.flights for one in descents)
     least = int(np.argmin([one.end.margin for one in descents]))
     others = starts[:least] + starts[least + 1 :]
     for turn, start in enumerate([descents[least].end, *others]):
-        if left > 0:
-            left -= _adapt(evaluate, ball, start, (seed + turn) % 2**31, left)
+        if budget > 0:
+            budget -= _adapt(evaluate, ball, start, (seed + turn) % 2**31, budget)
     gradients, trusted = (
         sum(counts) for counts in zip(*(one[2:] for one in descents), strict=True)
     )
@@ -197,12 +197,12 @@ def search(
 def _adapt(evaluate: Evaluate, ball: Ball, start: Flown, seed: int, most: int) -> int:
     """Evaluate generations about a start until they converge; return the number of cases."""
     strategy = new_strategy(start.x, seed, bounds=(-np.inf, np.inf), deviation=DEVIATION)
-    done = 0
-    while done < most and strategy.result.stds.max() > CONVERGED:
-        y = np.array(strategy.ask())[: most - done]
+    count = 0
+    while count < most and strategy.result.stds.max() > CONVERGED:
+        y = np.array(strategy.ask())[: most - count]
         margins = evaluate(cube_points(ball.reflected(y)), np.full(len(y), start.noise, np.uint32))
-        done += len(y)
-        if done < most:
+        count += len(y)
+        if count < most:
             ranks = np.argsort(np.argsort(margins, kind="stable"))  # margins may be infinite
             strategy.tell(list(y), ranks.astype(float).tolist())
-    return done
+    return count

@@ -100,6 +100,6 @@ def test_reproduce_and_simulate_say_the_same(datasets):
 def test_what_the_verdicts_say_of_the_switching_run(datasets):
     """Two transitions and one law ever after; the row names what the run was made with."""
     (row,) = (claim for claim in judge(datasets) if "Switching" in claim.statement)
-    assert "2 transitions (at 1.3, 22.1 s), from 22.1 s on (42) alone" in row.found
+    assert "2 transitions (at 1.3, 22.1 s), from 22.1 s on (42) alone" in row.finding
     for setting in ("5 N m", "0.1 s", "clipped", "without internal model", "tuned"):
-        assert setting in row.found
+        assert setting in row.finding
