@@ -24,6 +24,9 @@ from jaxsat.core.errors import ArgumentError
 MAX_STANDARD_DEVIATIONS = 1e9
 """Largest distance of a bound from the mean, in standard deviations, before round-off dominates."""
 
+FAR = 37.0
+"""Standard deviations from the mean beyond which a Gaussian's share rounds to zero."""
+
 MIN_WEIGHT_SUM, MAX_WEIGHT_SUM = 1e-30, 1e30
 """Sums of weights that keep every normalised weight finite."""
 
@@ -128,7 +131,24 @@ class TruncatedNormal(AbstractProbabilityDistribution):
         u = jnp.where(mirrored, 1 - u, u)
         below, above = jax.scipy.special.ndtr(lower), jax.scipy.special.ndtr(upper)
         x = jnp.clip(jax.scipy.special.ndtri(below + u * (above - below)), lower, upper)
+        x = jnp.where(upper < -FAR, _far_out(lower, upper, u), x)
         return self.mean + self.sigma * jnp.where(mirrored, -x, x)
+
+
+def _far_out(
+    lower: Float[Array, "*n"], upper: Float[Array, "*n"], u: Float[Array, " size"]
+) -> Float[Array, " size"]:
+    """Quantile of a standard Gaussian between two bounds below -`FAR`.
+
+    There Φ(-s) is φ(s) / s but for a share of 1 / s². With that, s² = a² - 2 log(w s / a) for the
+    part w that is beyond s of what is beyond a.
+    """
+    near, far = jnp.maximum(-upper, FAR), jnp.maximum(-lower, FAR)
+    beyond = near / far * jnp.exp((near - far) * (near + far) / 2)
+    more, size = -2 * jnp.log(beyond + u * (1 - beyond)), near
+    for _ in range(3):
+        size = jnp.sqrt(near**2 + more - 2 * jnp.log(size / near))
+    return jnp.clip(-size, lower, upper)
 
 
 class Discrete(AbstractProbabilityDistribution):

@@ -38,6 +38,19 @@ def test_truncated_normal(low, high):
         np.testing.assert_allclose(found, expected, atol=1e-8 * abs(high - low))
 
 
+@pytest.mark.parametrize(
+    ("low", "high"), [(36.9, 37.1), (37.5, 38), (50, 60), (50, 1e8), (5e8, 6e8)]
+)
+@pytest.mark.parametrize("side", [1, -1])
+def test_truncated_normal_far_from_its_mean(low, high, side):
+    """Draws gather at the bound nearer to the mean, within about 1 / low of it."""
+    expected = stats.truncnorm(low, high).ppf(U if side > 0 else 1 - U)
+    low, high = sorted((side * low, side * high))
+    found = side * TruncatedNormal(0.0, 1.0, low, high).quantile(U)
+    near = min(abs(low), abs(high))
+    np.testing.assert_allclose(found - near, expected - near, rtol=1e-5, atol=1e-14 * near)
+
+
 def test_discrete():
     found = Discrete([1.0, 5.0, -2.0], [1.0, 2.0, 1.0]).quantile(U)
     values, counts = np.unique(found, return_counts=True)
