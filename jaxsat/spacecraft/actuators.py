@@ -119,11 +119,17 @@ class Actuators(AbstractEffector):
         `angles` (rad) turn each torque axis towards two fixed perpendicular directions; the
         tangents use the small-angle approximation.
         """
-        return dataclasses.replace(self, torque_axes=turned_axes(self.torque_axes, angles))
+        return self._of_others(turned_axes(self.torque_axes, angles))
 
     def stronger(self, change: Float[Array, " m"]) -> "Actuators":
         """Return thrusters that make 1 + `change` times their nominal torque."""
-        return dataclasses.replace(self, torque_axes=self.torque_axes * (1 + change)[None])
+        return self._of_others(self.torque_axes * (1 + change)[None])
+
+    def _of_others(self, axes: Float[Array, "3 m"]) -> "Actuators":
+        failures = self.failures
+        if failures is not None:
+            failures = failures.of_others(self.torque_axes, axes)
+        return dataclasses.replace(self, torque_axes=axes, failures=failures)
 
     @property
     def count(self) -> int:

@@ -114,6 +114,25 @@ class FailureEvents(AbstractFailures):
     turned: Float[Array, "f 3 m"] = eqx.field(converter=as_float)
     partner: Float[Array, " m"] | None = eqx.field(converter=as_optional_float, default=None)
 
+    def of_others(
+        self, nominal: Float[Array, "3 m"], others: Float[Array, "3 m"]
+    ) -> "FailureEvents":
+        """Return the failures of thrusters with `others` in place of `nominal` torques (N m).
+
+        The same rotation and factor change the torque of each after it has turned.
+        """
+        sizes = [jnp.sqrt(jnp.sum(one**2, axis=0)) for one in (nominal, others)]
+        old, new = (
+            torque / jnp.where(size > 0, size, 1.0)[None]
+            for torque, size in zip((nominal, others), sizes, strict=True)
+        )
+        turn, cosine = jnp.cross(old, new, axis=0), jnp.sum(old * new, axis=0)
+        once = jnp.cross(turn[None], self.turned, axis=1)
+        twice = jnp.cross(turn[None], once, axis=1)
+        turned = self.turned + once + twice / (1 + cosine)[None, None]
+        turned = turned * (sizes[1] / sizes[0])[None, None]
+        return eqx.tree_at(lambda one: one.turned, self, turned)
+
     def hit(self, event: int, count: int) -> Bool[Array, " m"]:
         """Whether an event strikes each thruster; two-sided ones count as two."""
         one = super().hit(event, count)

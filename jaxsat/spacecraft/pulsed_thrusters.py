@@ -126,11 +126,18 @@ class PulsedThrusters(AbstractEffector):
 
     def misaligned(self, angles: Float[Array, "m 2"]) -> "PulsedThrusters":
         """Return thrusters with turned torques, see `ThrusterSet.misaligned`."""
-        return eqx.tree_at(lambda one: one.thrusters, self, self.thrusters.misaligned(angles))
+        return self._of_others(self.thrusters.misaligned(angles))
 
     def stronger(self, change: Float[Array, " m"]) -> "PulsedThrusters":
         """Return thrusters with 1 + `change` times their torque, see `ThrusterSet.stronger`."""
-        return eqx.tree_at(lambda one: one.thrusters, self, self.thrusters.stronger(change))
+        return self._of_others(self.thrusters.stronger(change))
+
+    def _of_others(self, thrusters: ThrusterSet) -> "PulsedThrusters":
+        changed = eqx.tree_at(lambda one: one.thrusters, self, thrusters)
+        if self.failures is None:
+            return changed
+        failures = self.failures.of_others(self.thrusters.torque, thrusters.torque)
+        return eqx.tree_at(lambda one: one.failures, changed, failures)
 
     @property
     def count(self) -> int:

@@ -3,6 +3,8 @@
 What each actuator then makes is held against a plain program of one actuator at one instant.
 """
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,10 +14,12 @@ from scipy.spatial.transform import Rotation
 from helpers.thruster_layouts import allocated, pairs, thruster_set
 from jaxsat.core.declaration.failures import FailureKind
 from jaxsat.core.declaration.wheels import WheelFailureKind
+from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.failures import FailureEvents
 from jaxsat.spacecraft.magnetorquers import MagnetorquerFailures
 from jaxsat.spacecraft.modulation import PulseWidth
 from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
+from jaxsat.spacecraft.thrusters import Thrusters
 from jaxsat.spacecraft.wheel_failures import WheelFailures
 
 K, W = FailureKind, WheelFailureKind
@@ -195,3 +199,35 @@ def test_failures_in_sequence_strike_inside_a_period():
     made = np.zeros(len(torque.T))
     made[2] = 0.4 + 0.25 * 0.26
     np.testing.assert_allclose(used.sum(axis=0), made, rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("ideal", [True, False])
+def test_a_dispersed_thruster_is_turned_with_its_own_gain_and_mounting(ideal):
+    """What turns its torque before the failure turns it by the same rotation after it."""
+    size, count = np.linalg.norm(TORQUE, axis=0), 2 * COUNT
+    torque, events = TORQUE / size, FailureEvents([1], [0], [K.TURNED], [0], TURNED[1:2] / size)
+    thrusters = (
+        dataclasses.replace(Actuators.of(Thrusters(torque), 1.0, 3), failures=events)
+        if ideal
+        else PulsedThrusters(thruster_set(torque), None, PulseWidth(), events)
+    )
+    random = np.random.default_rng(8)
+    angles, change = random.uniform(-0.2, 0.2, (count, 2)), random.uniform(-0.5, 0.5, count)
+    dispersed = thrusters.misaligned(jnp.asarray(angles)).stronger(jnp.asarray(change))
+
+    def columns(one, struck):
+        reach = one.reach(jnp.array(0.0), None, None, jnp.array([struck]), 0.0)
+        return np.array(reach.columns)
+
+    before, after = columns(dispersed, False)[:, 1], columns(dispersed, True)[:, 1]
+    mounted = before / (1 + change[1])
+    np.testing.assert_allclose(np.linalg.norm(mounted), 1.0, rtol=1e-14)
+    axis = np.cross(torque[:, 1], mounted)
+    angle = np.arctan2(np.linalg.norm(axis), torque[:, 1] @ mounted)
+    rotation = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis))
+    turned = columns(thrusters, True)[:, 1]
+    np.testing.assert_allclose(after, (1 + change[1]) * rotation.apply(turned), rtol=1e-13)
+    others = np.arange(count) != 1
+    np.testing.assert_array_equal(
+        columns(dispersed, True)[:, others], columns(dispersed, False)[:, others]
+    )
