@@ -7,8 +7,9 @@ linear programme finds the least part of their capacity that is enough.
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import linprog
 from scipy.sparse import block_diag, csr_array, eye_array, hstack, kron, vstack
+
+from jaxsat.controllability.programme import OPTIMAL, solve
 
 SAME_AXIS = 1e-6
 """Singular value of unit axes below which wheels make no torque along a direction."""
@@ -28,7 +29,7 @@ def least_load(
     `path` (N m s) is E without the others. In a step the target turns so that a constant vector is
     moved by `turn`, and each other device adds its column of `impulses` (N m s) times a use between
     `low` and `high`, known ahead. What wheels cannot hold at first may be taken out at once.
-    Infinite where no use holds the path.
+    Infinite where no use holds the path. Raises `UnsolvedProgramme` as `solve` does.
     """
     (instants, _), wheels, unit = path.shape, axes.shape[1], float(capacity.max())
     directions, sizes, _ = np.linalg.svd(axes)
@@ -45,7 +46,7 @@ def least_load(
     full = csr_array(-np.tile(capacity / unit, instants - 1)[:, None])
     uses = np.tile(np.stack([low, high], axis=1), (instants - 1, 1))
     free = np.array([[-np.inf, np.inf]])
-    solution = linprog(
+    solution = solve(
         np.append(np.zeros(wheels * instants + steps + missing.shape[1]), 1.0),
         A_ub=vstack([hstack([later, none, full]), hstack([-later, none, full])]),
         b_ub=np.zeros(2 * count),
@@ -60,4 +61,4 @@ def least_load(
             ]
         ),
     )
-    return float(solution.fun) if solution.status == 0 else np.inf
+    return float(solution.fun) if solution.status == OPTIMAL else np.inf

@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 from scipy.linalg import expm
-from scipy.optimize import linprog
 from scipy.sparse import block_array, csr_array
 
 from jaxsat.control.linear_motion import reference_moment, small_motion
 from jaxsat.controllability.orbit_rest import OrbitRest
+from jaxsat.controllability.programme import OPTIMAL, UNBOUNDED, solve
 from jaxsat.controllability.rods import RodSet
 from jaxsat.core.once import latest
 
@@ -65,7 +65,8 @@ def largest_opposed(
 
     They use at most this `part` of their limits, and wheels their capacity; the body, of this
     `inertia` (kg m²), turns from its `rest` by at most an `angle` (rad) about each axis. The least
-    of all turns of the Earth counts; infinite where no limit is met.
+    of all turns of the Earth counts; infinite where no limit is met. Raises `UnsolvedProgramme` as
+    `solve` does.
     """
     rate, back = float(rods.field.circle.rate), rest.to_body.T
     steps = _steps(rods, back @ inertia @ back.T, back @ wheels.axes, back @ rest.momentum)
@@ -140,12 +141,12 @@ def _largest(
     low = np.concatenate([-np.tile(least, instants), -dipoles, -of_wheels, [0.0]])
     aim = np.zeros(len(high))
     aim[-1] = -1.0
-    solution = linprog(
+    solution = solve(
         aim,
         A_eq=block_array([[csr_array(one) for one in columns]]),
         b_eq=np.zeros(instants * size),
         bounds=np.stack([low, high], axis=1),
     )
-    if solution.status == 3:
+    if solution.status == UNBOUNDED:
         return np.inf
-    return -float(solution.fun) if solution.status == 0 else 0.0
+    return -float(solution.fun) if solution.status == OPTIMAL else 0.0

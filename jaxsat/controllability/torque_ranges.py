@@ -16,6 +16,7 @@ from jaxsat.controllability.actuators import ActuatorSet, actuator_set
 from jaxsat.controllability.judgement import CONTROLLABLE, Judgement
 from jaxsat.controllability.judging import judge
 from jaxsat.controllability.layout import TOLERANCE, Numbers
+from jaxsat.controllability.programme import solve
 
 LEVEL_ROUNDING = 1e-7
 """Tolerance on levels in the linear programmes."""
@@ -180,8 +181,6 @@ def _moves(
     free = high - low > LEVEL_ROUNDING
     if not np.any(torques @ np.where(free, 0.0, low)) and np.all((low <= 0) | ~free):
         return free & (low < 0), free & (high > 0)  # at rest with all others off
-    from scipy.optimize import linprog  # slow, and most studies do not need it
-
     size = np.abs(torques).max(initial=1e-300)
     bounds = list(zip(low, high, strict=True))
     down, up = np.zeros_like(free), np.zeros_like(free)
@@ -189,7 +188,7 @@ def _moves(
         for sign in (1.0, -1.0):
             aim = np.zeros(len(low))
             aim[place] = sign
-            solution = linprog(aim, A_eq=torques / size, b_eq=np.zeros(3), bounds=bounds)
+            solution = solve(aim, A_eq=torques / size, b_eq=np.zeros(3), bounds=bounds)
             if solution.x is None:
                 return None
             up |= solution.x < high - LEVEL_ROUNDING

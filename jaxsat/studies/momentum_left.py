@@ -126,7 +126,7 @@ class Held:
     def times(self, failed: float) -> Float[np.ndarray, " k"]:
         """Times (s) from a failure to the end."""
         failed = min(max(failed, 0.0), self.duration)
-        orbits = self.duration * abs(self._rate) / (2 * np.pi)
+        orbits = (self.duration - failed) * abs(self._rate) / (2 * np.pi)
         return np.linspace(failed, self.duration, max(INSTANTS, int(AN_ORBIT * orbits)))
 
     def under(

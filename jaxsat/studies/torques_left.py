@@ -13,6 +13,7 @@ from jaxsat.compiler.llvm.mapped import compiled_over_cases
 from jaxsat.control.what_is_left import Laws
 from jaxsat.controllability.actuators import actuator_set
 from jaxsat.controllability.layout import TOLERANCE
+from jaxsat.controllability.programme import UnsolvedProgramme
 from jaxsat.controllability.rods import judge_with_rods
 from jaxsat.controllability.torque_ranges import judge_ranges, torque_reserve
 from jaxsat.core.attitude import Quaternion
@@ -171,17 +172,16 @@ def torques_left(
         parts, magnetic = [part for each in here for part in each[1:]], rods.case(case)
         key = b"".join(part.tobytes() for part in (*one, *parts, magnetic.healthy, magnetic.stuck))
         if key not in codes_by_key:
-            held = all(_holds_momentum(loop, each) for each in here)
-            verdict = _judge(loop, momentum, one, here, magnetic, tolerance)
-            codes_by_key[key] = verdict if held else (int(TorquesLeft.UNHELD_MOMENTUM), None)
+            codes_by_key[key] = int(TorquesLeft.UNHELD_MOMENTUM), None
+            if all(_holds_momentum(loop, each) for each in here):
+                codes_by_key[key] = _judge(loop, momentum, one, here, magnetic, tolerance)
         code, normal = codes_by_key[key]
         if normal is not None and hold is not None:
             struck = failures["failure_kind"][case] != NEVER
             last = failures["failure_time"][case][struck].max(initial=0.0)
             code = _by_two_wheels(hold, case, normal, last)
         if code == TorquesLeft.THREE_AXES and hold is not None:
-            load = magnetic.load(*_wheels(here), one, hold, case)
-            code = TorquesLeft.UNHELD_MOMENTUM if load > 1 - LEAST_HOLD else code
+            code = _by_load(magnetic, here, one, hold, case)
         codes[case] = code
     return codes
 
@@ -216,6 +216,17 @@ def _wheels(here: list[_Exchanger]) -> tuple[Float[np.ndarray, "3 m"], Float[np.
     axes = [np.zeros((3, 0)), *(one.columns[:, one.healthy] for one in here)]
     limits = [np.zeros(0), *(one.storage.capacity[one.healthy] for one in here)]
     return np.concatenate(axes, axis=1), np.concatenate(limits)
+
+
+def _by_load(
+    magnetic: RodsLeft, here: list[_Exchanger], beside: ThrustersLeft, hold: Held, case: int
+) -> int:
+    """Code for three torques beside stuck magnetorquers, whose momentum wheels must hold."""
+    try:
+        load = magnetic.load(*_wheels(here), beside, hold, case)
+    except UnsolvedProgramme:
+        return TorquesLeft.NOT_DECIDED
+    return TorquesLeft.UNHELD_MOMENTUM if load > 1 - LEAST_HOLD else TorquesLeft.THREE_AXES
 
 
 def _by_two_wheels(hold: Held, case: int, normal: np.ndarray, last: float) -> int:
@@ -320,6 +331,21 @@ def _turns_runaways(loop: AbstractLoop, here: list[_Exchanger]) -> bool:
 
 
 def _judge(
+    loop: AbstractLoop,
+    momentum: np.ndarray,
+    thrusters: ThrustersLeft,
+    here: list[_Exchanger],
+    magnetic: RodsLeft,
+    tolerance: float,
+) -> tuple[int, np.ndarray | None]:
+    """Return the result of `_judge_case`, not decided where a linear programme is not solved."""
+    try:
+        return _judge_case(loop, momentum, thrusters, here, magnetic, tolerance)
+    except UnsolvedProgramme:
+        return TorquesLeft.NOT_DECIDED, None
+
+
+def _judge_case(
     loop: AbstractLoop,
     momentum: np.ndarray,
     thrusters: ThrustersLeft,

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+import scipy.optimize
 from scipy.optimize import linprog
 
 from jaxsat.controllability.filling import least_load
+from jaxsat.controllability.programme import UnsolvedProgramme
 
 STEPS, STEP = 40, 90.0
 
@@ -84,3 +86,25 @@ def test_four_wheels_and_rods_agree_with_a_linear_programme_in_inertial_axes():
     alone = least_load(path, turn, axes, capacity, 0 * impulses, -most, most)
     assert found == pytest.approx(told.fun, rel=1e-6)
     assert 0.05 < found < 0.9 * alone
+
+
+def test_a_method_that_fails_is_replaced_and_the_last_one_is_told(monkeypatch):
+    """A failure answers nothing: it neither holds a path nor loses it."""
+    answer, tried = scipy.optimize.linprog, []
+    failure = scipy.optimize.OptimizeResult(status=4, message="numerical difficulties")
+
+    def failing(number):
+        def linprog(*args, method, **keys):
+            tried.append(method)
+            return answer(*args, method=method, **keys) if len(tried) > number else failure
+
+        return linprog
+
+    path, none = np.full((3, 3), 0.3), (np.zeros((2, 3, 0)), np.zeros(0), np.zeros(0))
+    given = path, np.eye(3), np.eye(3), np.ones(3), *none
+    monkeypatch.setattr(scipy.optimize, "linprog", failing(1))
+    assert least_load(*given) == pytest.approx(0.3)
+    assert tried == ["highs", "highs-ipm"]
+    monkeypatch.setattr(scipy.optimize, "linprog", failing(9))
+    with pytest.raises(UnsolvedProgramme, match="was not solved"):
+        least_load(*given)
