@@ -223,7 +223,8 @@ def _write_study(
     executor = chosen_executor(
         results.workers, sharing.processes, sharing.scheduler, sharing.devices
     )
-    require_approval([study_work(study, rule)], target, yes=results.yes, quiet=results.quiet)
+    work = study_work(study, rule, executor.at_once)
+    require_approval([work], target, yes=results.yes, quiet=results.quiet)
     try:
         count = _run(study, target, executor, rule, results.elsewhere)
         show_progress("summarising")

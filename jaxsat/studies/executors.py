@@ -33,6 +33,11 @@ class ClusterError(JaxsatError):
 class AbstractExecutor(abc.ABC):
     """An executor of chunks, a bounded number at a time, in any order."""
 
+    @property
+    def at_once(self) -> int:
+        """Number of chunks in the memory of this machine at once; here one."""
+        return 1
+
     @abc.abstractmethod
     def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
         """Yield pairs of chunk and result in order of completion; `chunks` is consumed lazily."""
@@ -88,6 +93,11 @@ class Threads(AbstractExecutor):
     def __post_init__(self):
         require_counts(workers=self.workers)
 
+    @property
+    def at_once(self) -> int:
+        """One chunk for each thread."""
+        return self.workers
+
     def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
         """Yield results in order of completion; the first chunk runs alone, to compile once."""
         remaining = iter(chunks)
@@ -114,6 +124,11 @@ class Devices(AbstractExecutor):
             raise ArgumentError(
                 "count", f"must be from 1 to the {available} devices here", self.count
             )
+
+    @property
+    def at_once(self) -> int:
+        """One chunk for each device."""
+        return self.count
 
     def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
         """Yield the results in order of completion."""

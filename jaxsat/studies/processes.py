@@ -48,6 +48,11 @@ class Processes(AbstractExecutor):
     def __post_init__(self):
         require_counts(count=self.count, threads=self.threads)
 
+    @property
+    def at_once(self) -> int:
+        """One chunk for each thread of every process."""
+        return self.count * self.threads
+
     def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
         """Yield results in order of completion; raises `ClusterError` after a call of `stop`."""
         with self._stop.run():

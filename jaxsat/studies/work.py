@@ -45,7 +45,10 @@ class Work(NamedTuple):
 
 
 def study_work(study: Study, until: StopRule | None = None, workers: int = 1) -> Work:
-    """Return the largest work of the whole study; with a stop rule, until the rule must be met."""
+    """Return the largest work of the whole study, of which `workers` chunks are in memory at once.
+
+    With a stop rule it lasts until the rule must be met.
+    """
     cases = study.count
     if until is not None:
         chunks = math.ceil(most_cases(until, cases) / study.chunk) + workers

@@ -27,7 +27,7 @@ from jaxsat.studies.executors import AbstractExecutor
 from jaxsat.studies.run import run_study
 from jaxsat.studies.statistics import AbstractStopRule
 from jaxsat.studies.summary import largest_errors
-from jaxsat.studies.work import Work
+from jaxsat.studies.work import Work, study_work
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,10 @@ class Execution:
     engine: EngineName = "auto"
     executor: AbstractExecutor | None = None
     elsewhere: bool = False
+
+    def work(self, study: Study) -> Work:
+        """Return the largest work of a study by this executor."""
+        return study_work(study, workers=1 if self.executor is None else self.executor.at_once)
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,11 @@ import pytest
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
 from jaxsat.store.store import StudyStore
+from jaxsat.studies.executors import Devices, Serial, Threads
+from jaxsat.studies.processes import Processes
 from jaxsat.studies.statistics import StopRule
 from jaxsat.studies.work import most_cases, study_work
+from jaxsat.synthesis.execution import Execution
 
 
 @pytest.mark.parametrize("half_width", [0.2, 0.03, 0.01])
@@ -32,6 +35,18 @@ def test_work_of_a_study():
     some = study_work(study, StopRule(0.2), workers=2)
     assert some.trajectories == (1 + 2) * 100
     assert some.memory < 10**7
+
+
+def test_memory_grows_with_the_chunks_that_an_executor_computes_at_once():
+    study = build_study(load("acceptance-mc", ["simulation.duration_s=5"]), 1000, chunk=100)
+    sizes = [
+        Execution(executor=executor).work(study).memory
+        for executor in (None, Serial(), Threads(3), Devices(1), Processes(2, 3))
+    ]
+    share = sizes[2] - sizes[1]
+    assert sizes[0] == sizes[1] == sizes[3] == sizes[2] - share
+    assert share > 0
+    assert sizes[4] - sizes[1] == share / 2 * 5  # beside the first
 
 
 @pytest.mark.slow

@@ -17,7 +17,6 @@ from jaxsat.store.resumable import ResumableFolder
 from jaxsat.store.tables import open_study
 from jaxsat.studies.ensemble import Study
 from jaxsat.studies.recovery_summary import RecoverySummary, summarise_recovery
-from jaxsat.studies.work import study_work
 from jaxsat.synthesis.comparison.acceptance import FILE, validated
 from jaxsat.synthesis.comparison.run import (
     KIND,
@@ -124,7 +123,7 @@ def compare_in_scenario(
     if len(studies) == 1:
         (law,) = studies
         listener.remark(f"{law} flies alone: no other law was given that suits the scenario")
-    listener.approve([study_work(study, None) for _, study in studies.values()])
+    listener.approve([execution.work(study) for _, study in studies.values()])
     with folder_of_call(out, KIND) as folder:
         rows, recoveries = [], []
         for law, (under, study) in studies.items():

@@ -20,7 +20,6 @@ from jaxsat.studies.designs import Listed
 from jaxsat.studies.ensemble import Study
 from jaxsat.studies.splitting import LENGTH, Level, Replications, Splitting, interval_of
 from jaxsat.studies.statistics import Interval
-from jaxsat.studies.work import study_work
 from jaxsat.synthesis.execution import Execution, Listener, folder_of_call, write_record
 from jaxsat.synthesis.flights import (
     Batch,
@@ -69,7 +68,7 @@ def rare_event(
     settings = EstimateSettings(cases, replications, least, confidence)
     scenario, study = study_of_requirements(scenario, execution, listener)
     table = chosen_requirement(scenario, study, requirement)
-    listener.approve([study_work(replace(study, count=_most_flights(settings)))])
+    listener.approve([execution.work(replace(study, count=_most_flights(settings)))])
     identity = identity_of(scenario, study)
     identity |= {"requirement": table.id, "settings": vars(settings)}
     with folder_of_call(out, KIND, identity, execution.elsewhere) as folder:

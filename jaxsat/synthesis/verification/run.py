@@ -21,7 +21,6 @@ from jaxsat.studies.recovery_summary import KindRecovery, recovery_by_devices
 from jaxsat.studies.statistics import WhenAllDecided, WhenDecided
 from jaxsat.studies.summary import summarise_requirements
 from jaxsat.studies.torques_left import TorquesLeft
-from jaxsat.studies.work import study_work
 from jaxsat.synthesis.execution import (
     Execution,
     Listener,
@@ -82,7 +81,7 @@ def verify(
     conditions, not_tried = conditions_of(scenario, failures, pairs)
     rule = demand.rule(len(conditions) * len(scenario.requirement))
     studies = [_Study.of(one, demand.cases, execution, listener) for one in conditions]
-    listener.approve([study_work(one.study) for one in studies])
+    listener.approve([execution.work(one.study) for one in studies])
     shown_with = {"fraction": fraction, "confidence": confidence}  # of any number of cases
     identity = {"scenario": scenario.model_dump(mode="json"), "demand": shown_with}
     identity |= {"failures": failures, "pairs": pairs, "engine": execution.engine}

@@ -23,7 +23,6 @@ from jaxsat.simulation.trajectory import Outcome
 from jaxsat.store.labelled import LabelledArrays
 from jaxsat.studies.columns import DRAWN
 from jaxsat.studies.ensemble import Study
-from jaxsat.studies.work import study_work
 from jaxsat.synthesis.execution import Execution, Listener, folder_of_call, plain_data, write_record
 from jaxsat.synthesis.flights import (
     Batch,
@@ -149,7 +148,7 @@ def worst_case(
     require_package("A search for the worst case")
     scenario, study = study_of_requirements(scenario, execution, listener)
     table = chosen_requirement(scenario, study, requirement)
-    listener.approve([study_work(replace(study, count=2 * flights))])
+    listener.approve([execution.work(replace(study, count=2 * flights))])
     identity = identity_of(scenario, study) | {"requirement": table.id, "settings": vars(settings)}
     with folder_of_call(out, KIND, identity, execution.elsewhere) as folder:
         evaluations = Flights(study, table.id, folder, execution.executor, listener)
