@@ -1,7 +1,7 @@
 """`jaxsat scenarios`: list the library, print the schema, check scenario files."""
 
 import json
-from collections.abc import Callable, Iterator, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from typing import TYPE_CHECKING
 
 from cyclopts import App
@@ -81,8 +81,8 @@ def check(*files: str, overrides: Overrides = (), printed: Printed = Printed()) 
     """Check scenario files and report every error in them.
 
     A file without errors can be run: the check builds it, with the dispersions of a study and the
-    gains to tune if the file has them, and names the commands that do not take it. [spacecraft]
-    is enough for controllability and design.
+    gains to tune if the file has them, names the commands that do not take it, and says where no
+    law applies to the actuators left. [spacecraft] is enough for controllability and design.
 
     Parameters
     ----------
@@ -116,14 +116,29 @@ def _verdict(file: str, overrides: Sequence[str]) -> list[str]:
     tables = {key.partition(".")[0] for key in given_keys(file, overrides)}
     if says_no_more_than_a_vehicle(tables):
         missing = [one for one in ("orbit", *TABLES) if one not in tables]
-        title = load_vehicle(file, overrides).scenario.title
-        return [
-            f"{clean(file)}: valid for controllability and design ({title})",
-            f"  not for the others: {', '.join(missing)} must be given",
-        ]
-    scenario = load_scenario(file, overrides, "tuning")
-    refusal_lines = [f"  {refusal}" for refusal in refusals(scenario)]
-    return [f"{clean(file)}: valid ({scenario.title})", *refusal_lines]
+        scenario = load_vehicle(file, overrides).scenario
+        refusal_lines = list(_refused(scenario, VEHICLE_TRIALS))
+        commands = "controllability" if refusal_lines else "controllability and design"
+        refusal_lines.append(f"not for the others: {', '.join(missing)} must be given")
+        what = f"valid for {commands}"
+    else:
+        scenario = load_scenario(file, overrides, "tuning")
+        refusal_lines, what = list(refusals(scenario)), "valid"
+    lines = [f"  {line}" for line in (*refusal_lines, *_flown_by_none(scenario))]
+    return [f"{clean(file)}: {what} ({scenario.title})", *lines]
+
+
+def _flown_by_none(scenario: "Scenario") -> Iterator[str]:
+    """Yield a line where no law of jaxsat flies to attitudes by the actuators left, although the
+    scenario's own does not merely stop a rotation, as one of one torque, and is jaxsat's."""
+    from jaxsat.scenario.build.actuator_set import why_no_law
+    from jaxsat.scenario.control import known_law
+
+    law = known_law(scenario.control.law)
+    if law is None or law.declaration.torques == 1:
+        return
+    if reason := why_no_law(scenario):
+        yield f"no law of jaxsat applies to the actuators left. {reason}"
 
 
 def refusals(scenario: "Scenario") -> Iterator[str]:
@@ -134,16 +149,16 @@ def refusals(scenario: "Scenario") -> Iterator[str]:
         yield f"not for montecarlo and tune: {MissingTable('dispersion')}"
     elif scenario.tuning is None:
         yield f"not for tune: {MissingTable('tuning')}"
-    from jaxsat.synthesis.optima.run import required_manoeuvre
+    yield from _refused(scenario, {"bound and front": _require_manoeuvre, **VEHICLE_TRIALS})
+    yield from _refused(scenario, {"export": _require_flight_code})
 
-    trials: dict[str, Callable[[], object]] = {
-        "bound and front": lambda: required_manoeuvre(scenario),
-        "design": lambda: _require_vehicle(scenario),
-        "export": lambda: _require_flight_code(scenario),
-    }
+
+def _refused(
+    scenario: "Scenario", trials: Mapping[str, Callable[["Scenario"], object]]
+) -> Iterator[str]:
     for commands, trial in trials.items():
         try:
-            trial()
+            trial(scenario)
         except JaxsatError as error:
             yield f"not for {commands}: {option_mistake(error, ['law'])}"
 
@@ -154,6 +169,12 @@ def says_no_more_than_a_vehicle(keys: Set[str]) -> bool:
 
     vehicle = {"spacecraft", *(one.name for one in ACTUATORS)}
     return bool(keys & vehicle) and "control" not in keys
+
+
+def _require_manoeuvre(scenario: "Scenario") -> None:
+    from jaxsat.synthesis.optima.run import required_manoeuvre
+
+    required_manoeuvre(scenario)
 
 
 def _require_vehicle(scenario: "Scenario") -> None:
@@ -175,3 +196,7 @@ def _require_flight_code(scenario: "Scenario") -> None:
 
     run = build(scenario)  # already built by the check
     FlightController.of(flight_loop(run.loop, run.start))
+
+
+VEHICLE_TRIALS = {"design": _require_vehicle}
+"""Trials of the commands that need [spacecraft] alone, and may refuse it."""

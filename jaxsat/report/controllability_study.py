@@ -9,7 +9,6 @@ import numpy as np
 from jaxsat.control.magnetic import magnetic_motion
 from jaxsat.controllability.drift import energy_bound, energy_counterexample, recurrence
 from jaxsat.controllability.failures import FailureCase, failure_csv, failure_records, failure_table
-from jaxsat.controllability.gyros import GyroCluster
 from jaxsat.controllability.judgement import Judgement
 from jaxsat.controllability.judging import judge_once_stopped
 from jaxsat.controllability.lie import DriftField, pack
@@ -41,13 +40,17 @@ from jaxsat.report.printers import markdown_page
 from jaxsat.report.saving import save_figures
 from jaxsat.report.stuck_rods import stuck_rod_words
 from jaxsat.scenario import Scenario, dump
-from jaxsat.scenario.build.actuator_set import all_actuators, all_rods, judge_scenario
+from jaxsat.scenario.build.actuator_set import (
+    all_actuators,
+    all_rods,
+    gyro_cluster,
+    judge_scenario,
+)
 from jaxsat.scenario.build.actuators import magnetic_context
 from jaxsat.scenario.build.balance import held_with_momentum, undriven_balance
-from jaxsat.scenario.build.plant import build_effectors, build_plant, orbit_rate
+from jaxsat.scenario.build.plant import build_plant, orbit_rate
 from jaxsat.scenario.parts.wheels import inertia_of
 from jaxsat.scenario.quantities import inertia_matrix
-from jaxsat.spacecraft.gimbals import ControlMomentGyros
 from jaxsat.store.folder import OutputFolder
 
 if TYPE_CHECKING:
@@ -80,7 +83,7 @@ class ControllabilityStudy(NamedTuple):
     @property
     def verdict(self) -> str:
         """The verdict as a sentence, first that of gyros, last that without magnetorquers."""
-        sentence, gyros = verdict_sentence(self.judgement), _gyro_cluster(self.scenario)
+        sentence, gyros = verdict_sentence(self.judgement), gyro_cluster(self.scenario)
         without, lacking = self.judgement.without_rods, "magnetorquers"
         if gyros is not None:
             first, without, lacking = gyros.verdict(), self.judgement, "them"
@@ -149,7 +152,7 @@ def controllability_study(
     stuck = stuck_on_words(scenario.spacecraft.inertia_kg_m2, judgement.actuators)
     of_rods = stuck_rod_words(scenario, judgement)
     lines += [one for one in (stuck, of_rods) if one is not None]
-    balance, gyros = undriven_balance(scenario), _gyro_cluster(scenario)
+    balance, gyros = undriven_balance(scenario), gyro_cluster(scenario)
     lines += [] if balance is None else [" ".join(balance.lines())]
     holding = held_with_momentum(scenario, judgement)
     lines += [] if holding is None else [holding]
@@ -242,20 +245,6 @@ def _magnetic_law(scenario: Scenario) -> list[str]:
     )
     control = scenario.control
     return [magnetic_law_words(motion, control.control_weight, control.wheel_weight)]
-
-
-def _gyro_cluster(scenario: Scenario) -> GyroCluster | None:
-    for gyros, state in build_effectors(scenario):
-        if isinstance(gyros, ControlMomentGyros):
-            return GyroCluster(
-                gimbal_axes=np.asarray(gyros.gimbal_axes),
-                spin_axes=np.asarray(gyros.spin_axes),
-                momentum=np.asarray(state.momentum),
-                rate_limit=np.asarray(gyros.rate_limit),
-                angle=np.asarray(state.angle),
-                turning=np.array([not one.failed for one in getattr(scenario, gyros.kind)]),
-            )
-    return None
 
 
 def _follow_drift(scenario: Scenario) -> tuple[list[str], dict[str, tuple[Any, ...]]]:

@@ -14,14 +14,18 @@ from jaxsat.controllability.actuators import (
     thruster_torques,
 )
 from jaxsat.controllability.cone import ROUNDING
+from jaxsat.controllability.gyros import GyroCluster
 from jaxsat.controllability.judgement import Judgement
 from jaxsat.controllability.judging import judge
 from jaxsat.controllability.layout import TOLERANCE
 from jaxsat.controllability.rods import RodSet, judge_with_rods
 from jaxsat.controllability.wording import verdict_sentence
-from jaxsat.scenario.build.plant import field_of, orbit_rate
+from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.declaration.gimbals import GIMBAL
+from jaxsat.scenario.build.plant import build_effectors, field_of, orbit_rate
 from jaxsat.scenario.parts.thrusters import ThrusterTable
 from jaxsat.scenario.schema import Scenario
+from jaxsat.spacecraft.gimbals import ControlMomentGyros
 from jaxsat.spacecraft.spacecraft import Spacecraft
 
 FAULT_TOLERANT = "fault-tolerant"
@@ -97,6 +101,33 @@ def judge_scenario(scenario: Scenario, *, tolerance: float | int = TOLERANCE) ->
     judgement = judge(inertia, actuators.only(working), tolerance=tolerance)
     rods, places = all_rods(scenario)
     return judgement if rods is None else judge_with_rods(judgement, rods, places, tolerance)
+
+
+def gyro_cluster(scenario: Scenario) -> GyroCluster | None:
+    """Return the control moment gyros of a scenario, failed ones too; None without any."""
+    for gyros, state in build_effectors(scenario):
+        if isinstance(gyros, ControlMomentGyros):
+            return GyroCluster(
+                gimbal_axes=np.asarray(gyros.gimbal_axes),
+                spin_axes=np.asarray(gyros.spin_axes),
+                momentum=np.asarray(state.momentum),
+                rate_limit=np.asarray(gyros.rate_limit),
+                angle=np.asarray(state.angle),
+                turning=np.array([not one.failed for one in getattr(scenario, gyros.kind)]),
+            )
+    return None
+
+
+def why_no_law(scenario: Scenario) -> str | None:
+    """Return the verdict as a sentence where no law of jaxsat applies to the actuators that work at
+    the start; None where one does, or where actuators of a package may help."""
+    known = (*(one.name for one in ACTUATORS if one.judged), GIMBAL.name)
+    if any(getattr(scenario, one.name) for one in ACTUATORS if one.name not in known):
+        return None
+    judgement, gyros = judge_scenario(scenario), gyro_cluster(scenario)
+    if judgement.laws != "none" or (gyros is not None and gyros.torques == 3):
+        return None
+    return verdict_sentence(judgement) if gyros is None else gyros.verdict()
 
 
 def fitting_laws(scenario: Scenario, judgement: Judgement) -> list[str]:

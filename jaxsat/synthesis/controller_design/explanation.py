@@ -103,7 +103,7 @@ def remedies(
                 f"{TENTH} error of the {name}",
                 lambda key=key: _narrow(scenario, _key(key), 0.1),
             )
-    if verdict.turn is not None and not verdict.holds:
+    if verdict.turn is not None and any(verdict.turn) and not verdict.holds:
         yield "the nearest attitude that can be held", lambda: turned(scenario, verdict.turn or ())
     for other in others:
         yield f"the law {other.name}", lambda other=other: other.scenario

@@ -109,7 +109,7 @@ class ControllerDesign:
     @property
     def misses_attitude(self) -> str | None:
         """A sentence where the target attitude cannot be held, with the remedy."""
-        if self.verdict.holds:
+        if self.verdict.holds or self.verdict.judgement.laws == "none":
             return None
         if self.verdict.turn is None:
             return "No attitude can be held without torque about the unactuated axis; cases drift."

@@ -44,10 +44,10 @@ class UnsuitableVehicle(JaxsatError, ValueError):
 class VehicleVerdict:
     """Verdict on the remaining actuators, and the attitude that they can hold.
 
-    `lost` is the loss by failures, `turn` the rotation vector (rad, body axes) from the target to
-    the nearest attitude that can be held without torque about the undriven axis: zeros where the
-    target can be, None where none can. `balance` describes the environmental torque about that
-    axis, `in_flight` later failures, `orbit` whether gravity gradient acts.
+    `lost` is what the actuators left lack, `turn` the rotation vector (rad, body axes) from the
+    target to the nearest attitude that can be held without torque about the undriven axis: zeros
+    where the target can be, None where none can. `balance` describes the environmental torque about
+    that axis, `in_flight` later failures, `orbit` whether gravity gradient acts.
     """
 
     judgement: Judgement
@@ -59,7 +59,9 @@ class VehicleVerdict:
 
     @property
     def holds(self) -> bool:
-        """Whether the target attitude can be held within the tolerances of settling."""
+        """Whether a law can hold the target attitude within the tolerances of settling."""
+        if self.judgement.laws == "none":
+            return False
         if self.judgement.laws == "three torques":
             return True
         return self.turn is not None and max(map(abs, self.turn)) <= HELD_TURN
@@ -73,9 +75,11 @@ class VehicleVerdict:
     def lines(self) -> list[str]:
         """Return the verdict as sentences."""
         sentences = [verdict_sentence(self.judgement)]
-        sentences.append(f"Lost through the failures: {self.lost}.")
+        sentences.append(f"Missing: {self.lost}.")
         sentences.append(f"Laws: {LEFT[self.judgement.laws].words}.")
-        if self.holds:
+        if self.judgement.laws == "none":
+            pass  # no law holds any attitude
+        elif self.holds:
             sentences.append("The target attitude can be held.")
         elif self.turn is None:
             sentences.append("No attitude can be held without torque about the unactuated axis.")

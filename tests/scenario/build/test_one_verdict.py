@@ -12,12 +12,15 @@ from helpers.compiling import by_machine_code, interpreted
 from jaxsat.cli.scenarios import check
 from jaxsat.control.what_is_left import LEFT
 from jaxsat.core.allocation import least_propellant, plane_map, pushed_directions
+from jaxsat.report.controllability_study import controllability_study
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.actuator_set import judge_scenario
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.derived import torque_limit
 from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.synthesis.controller_design.request import read_vehicle
+from jaxsat.synthesis.controller_design.vehicle import vehicle_verdict
 
 INERTIA = "[spacecraft]\ninertia_kg_m2 = [1.0, 0.7, 0.5]\n"
 REST = """title = "x"
@@ -133,6 +136,42 @@ def test_check_names_the_commands_that_take_a_vehicle(tmp_path, capsys):
     assert check("one-torque-damping") == 0
     assert "not for design: --law: must be given, as one-torque" in capsys.readouterr().out
     assert check(str(_file(tmp_path, REST.replace("period_s", "perid_s"), INERTIA, rows))) == 2
+
+
+JETS = "".join(
+    f"[[thruster]]\ntorque_axis = {axis}\ntorque_N_m = 0.01\nmin_on_time_s = 0.02\n"
+    for axis in ("[1, 0, 0]", "[0, 1, 0]", "[0, 0, 1]")
+)
+GYROS = "".join(
+    f"[[gimbal]]\naxis = [0, 0, 1]\nspin_axis = {axis}\nrotor_momentum_N_m_s = 1\n"
+    "rate_limit_rad_s = 0.5\n"
+    for axis in ("[1, 0, 0]", "[0, 1, 0]")
+)
+
+
+WHEEL = "[[wheel]]\naxis = [1, 0, 0]\ntorque_limit_N_m = 0.01\n"
+ONE_ROW = "thruster_torque_axes = [[0, 1, 0]]\n"
+
+
+@pytest.mark.parametrize(
+    "tables",
+    [("", JETS), ("", JETS, WHEEL), ("", GYROS), (REST, ONE_ROW, WHEEL)],
+    ids=["one-sided", "one-sided with a wheel", "gyros", "a wheel and a thruster"],
+)
+def test_check_says_where_no_law_applies_as_controllability_and_design_do(tmp_path, tables, capsys):
+    file = _file(tmp_path, tables[0], INERTIA, *tables[1:])
+    assert check(str(file)) == 0
+    printed = capsys.readouterr().out
+    scenario = read_vehicle(file, caution=lambda text: None).scenario
+    study = controllability_study(scenario)
+    assert f"no law of jaxsat applies to the actuators left. {study.verdict[:60]}" in printed
+    if scenario.gimbal:
+        assert "valid for controllability (" in printed
+        assert "not for design: gimbal must be omitted" in printed
+        return
+    lines = vehicle_verdict(scenario).lines()
+    assert "Laws: no law of jaxsat applies." in lines
+    assert not any("can be held" in line or "failures" in line for line in lines)
 
 
 DIRECTIONS = ("[1,0,0.3]", "[-1,0,-0.3]", "[0,1,0]", "[0,-1,0]", "[0,0,1]", "[0,0,-1]")
