@@ -88,14 +88,16 @@ class IntegrationError(eqx.Module):
     ) -> "IntegrationError":
         """The sums after a part of `length` s, at whose end whole and halved steps give two states.
 
-        The momenta of effectors count as the rate that they give a body of the mean moment. The
-        part represents `weight` parts.
+        The momentum of each effector counts as the rate that it gives a body of the mean moment.
+        The part represents `weight` parts.
         """
         whole, halved = stop_gradient((whole, halved))
         rate = _norm(whole.omega - halved.omega)
-        moment = jnp.trace(stop_gradient(body.spacecraft.inertia)) / 3
-        pairs = zip(*map(jax.tree.leaves, (whole.effectors, halved.effectors)), strict=True)
-        rate = sum((_norm(one - other) / moment for one, other in pairs), rate)
+        body = stop_gradient(body)
+        for effector, *states in zip(body.effectors, whole.of_each, halved.of_each, strict=True):
+            one, other = map(effector.momentum, states)
+            if one is not None and other is not None:
+                rate = rate + _norm(one - other) / body.spacecraft.momentum_unit
         one, other = (state.attitude.as_quaternion().q for state in (whole, halved))
         turn = 2 * jnp.minimum(_norm(one - other), _norm(one + other))
         previous = self.later(length)

@@ -28,9 +28,11 @@ from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment.disturbances import PeriodicTorque
 from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.flexible_modes import FlexibleModes, ModeStates
+from jaxsat.spacecraft.gimbals import ControlMomentGyros, GyroStates
 from jaxsat.spacecraft.spacecraft import Spacecraft
 from jaxsat.spacecraft.thrusters import Thrusters
-from jaxsat.spacecraft.wheels import WheelMomenta
+from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 
 INERTIA = np.array([4.0, 5.0, 6.0])
 AMPLITUDE, FREQUENCY, PHASE = 0.1, 100.0, 1.0
@@ -155,7 +157,8 @@ def test_the_reference_engine_estimates_what_the_others_do():
 
 
 def test_momenta_of_wheels_count_and_a_rate_that_is_off_turns_the_attitude():
-    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0))
+    wheels = Wheels(np.eye(3)[:, :2])
+    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(wheels,))
     q = Quaternion([1.0, 0.0, 0.0, 0.0])
     one = PlantState(q, [0.0, 0.0, 0.0], (WheelMomenta([1.0, 0.0]),))
     other = PlantState(q, [0.0, 0.0, 3e-6], (WheelMomenta([1.0, 2e-6]),))
@@ -166,6 +169,21 @@ def test_momenta_of_wheels_count_and_a_rate_that_is_off_turns_the_attitude():
     np.testing.assert_allclose(error.later(jnp.array(10.0)).attitude, 34e-6)
     weighted = none.after(body, jnp.array(2.0), one, other, weight=64.0)
     np.testing.assert_allclose(weighted.rate, 64 * error.rate)
+
+
+@pytest.mark.parametrize("mass", [1e-6, 1.0, 1e6])
+def test_angles_of_gimbals_and_modes_count_as_the_momentum_that_they_change(mass):
+    """A gimbal off by δ changes the momentum by H δ, a mode's rate by v that by |d|² v."""
+    gyros = ControlMomentGyros([[1.0], [0.0], [0.0]], [[0.0], [1.0], [0.0]], 0.8 * mass, 1.0)
+    modes = FlexibleModes([[0.0], [0.0], [1.0]], np.sqrt(2.0 * mass), 1.0)
+    body = RigidBody(Spacecraft(mass * INERTIA), ExactOrbit(0.0), effectors=(gyros, modes))
+    q, momentum = Quaternion([1.0, 0.0, 0.0, 0.0]), [0.8 * mass]
+    one, other = (
+        PlantState(q, np.zeros(3), (GyroStates([x], momentum), ModeStates([0.1], [y])))
+        for x, y in ((0.3, 0.2), (0.3 + 1e-6, 0.2 + 3e-6))
+    )
+    error = IntegrationError.none(jnp.zeros(3)).after(body, jnp.array(2.0), one, other)
+    np.testing.assert_allclose(error.rate, (0.8 * 1e-6 + 2.0 * 3e-6) / 5, rtol=1e-5)
 
 
 @pytest.mark.slow
