@@ -34,6 +34,7 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.failures import AbstractFailureKind
 from jaxsat.spacecraft.dispersible import Dispersible
 from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, AbstractPlace
+from jaxsat.spacecraft.environment.sensed_vectors import AbstractSensedVector
 from jaxsat.spacecraft.held_effector import AbstractHeldEffector
 from jaxsat.spacecraft.spacecraft import PlantState
 
@@ -49,11 +50,13 @@ class Effect(NamedTuple):
 class EffectorContext(NamedTuple):
     """Inputs from a scenario for an effector besides its own tables.
 
-    `field` is the magnetic field along the orbit. `failures` in flight are pairs of the
-    number of the device, from 0, and its checked table `[[failure]]`.
+    `field` is the magnetic field along the orbit, `sunlight` the direction to the Sun with its
+    shadow, in the reference frame of the attitude. `failures` in flight are pairs of the number of
+    the device, from 0, and its checked table `[[failure]]`.
     """
 
     field: AbstractMagneticField
+    sunlight: AbstractSensedVector
     failures: tuple[tuple[int, Any], ...]
 
     @property
@@ -212,7 +215,11 @@ class AbstractEffector(AbstractHeldEffector):
     def driven(
         self, state: PyTree, command: PyTree, struck: Bool[Array, " f"]
     ) -> "tuple[AbstractEffector, PyTree]":
-        """Return the effector after these failures, which fails no more, and its command."""
+        """Return the effector after these failures, which fails no more, and its command.
+
+        It makes the modes and pieces of a hold. `effect` and `derivative` of the effector itself
+        then receive these pieces, so that all that a failure changes of them is in the piece.
+        """
 
     def reach(
         self,

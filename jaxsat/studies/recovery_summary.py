@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxsat.store.labels import flags_of
-from jaxsat.studies.failure_codes import AMOUNTLESS, DIAGNOSED, FAILURES, NEVER
+from jaxsat.studies.failure_codes import AMOUNTLESS, CODES, DIAGNOSED, FAILURES, NEVER
 from jaxsat.studies.recovery import Recovery, failed_thrusters, wrong_kind
 from jaxsat.studies.statistics import Interval, percentile, wilson
 from jaxsat.studies.torques_left import TorquesLeft
@@ -168,7 +168,7 @@ def _failure_texts(row: Mapping[str, Any], names: tuple[str, ...]) -> Iterator[s
     ):
         if code == NEVER:
             continue
-        kind = FAILURES[code].removeprefix("wheel ")
+        kind = CODES[int(code)].word
         much = "" if FAILURES[code] in AMOUNTLESS else f" {amount:.3g}"
         yield f"{names[part]} {kind}{much} at {at:.5g} s"
 

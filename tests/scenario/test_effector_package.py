@@ -16,8 +16,15 @@ import pytest
 from jaxsat.core.declaration import actuators
 from jaxsat.scenario.build.errors import BuildError
 from jaxsat.scenario.build.load import load
-from jaxsat.scenario.build.plugin_trial import require_steered
+from jaxsat.scenario.build.plugin_trial import (
+    _keeps_failure_in_piece,
+    require_acts,
+    require_steered,
+)
 from jaxsat.scenario.build.run import build
+from jaxsat.spacecraft.effector import Effect
+from jaxsat.spacecraft.gimbals import ControlMomentGyros, GimbalFailures
+from jaxsat.spacecraft.spacecraft import PlantState
 from jaxsat.spacecraft.steering import AbstractSteering
 from scenario.packages import FROZEN, install_package
 
@@ -98,6 +105,60 @@ def test_a_steering_that_does_not_suit_the_loop_is_refused(given, said):
     refused = nullcontext() if said is None else pytest.raises(BuildError, match=f"wheel .*{said}")
     with refused:
         require_steered([Steering(given)], run.loop.plant.effectors, run.start)
+
+
+def test_an_effector_puts_all_that_a_failure_changes_into_the_piece(monkeypatch):
+    """A motor whose gain the failure changes on the effector alone would fly on as if sound."""
+    monkeypatch.syspath_prepend(PACKAGE)
+    flywheels = pkgutil.resolve_name("flywheels.effector")
+    start = build(load("wheels-fail")).start
+    failures = flywheels.FlywheelFailures([1.0], [10.0], [1.0], [0.5])
+    sound = flywheels.Flywheels(jnp.eye(3), jnp.ones(3), failures)
+    at_rest = PlantState(start.attitude, start.omega, (sound.init(),))
+    require_acts([sound], at_rest)
+
+    class Forgets(flywheels.Flywheels):
+        gain: jnp.ndarray = eqx.field(default_factory=lambda: jnp.ones(3))
+
+        def driven(self, state, command, struck):
+            gain = self.failures.gain(struck, self.count)
+            return eqx.tree_at(lambda x: (x.failures, x.gain), self, (None, gain)), command
+
+        def effect(self, piece, t, plant, state):
+            return Effect(self.axes @ (self.gain * piece))
+
+    class Slow(flywheels.Flywheels):
+        def derivative(self, piece, plant, state, acceleration):
+            return flywheels.FlywheelMomenta(-piece[:2])
+
+    class Flat(flywheels.Flywheels):
+        def effect(self, piece, t, plant, state):
+            return Effect(piece[:2])
+
+    class Raises(flywheels.Flywheels):
+        def piece(self, mode, command):
+            raise KeyError("gain")
+
+    arguments = (jnp.eye(3), jnp.ones(3), failures)
+    for mistaken, message in (
+        (Forgets, r'changes into the piece \(.*py:\d+\), got another effect of "loose"'),
+        (Slow, r"gives the rate of its state, float64 \(3,\) .*py:\d+\), got float64 \(2,\)"),
+        (Flat, r"gives a torque of shape \(3,\) .*py:\d+\), got \(2,\)"),
+        (Raises, r"can be run, got KeyError: 'gain' .*py:\d+"),
+    ):
+        with pytest.raises(BuildError, match=f'flywheel .*"{mistaken.__name__}" .*{message}'):
+            require_acts([mistaken(*arguments)], at_rest)
+
+
+def test_own_effectors_put_all_that_a_failure_changes_into_the_piece():
+    run = build(load("wheels-fail"))
+    gyros = ControlMomentGyros(
+        np.eye(3), np.eye(3)[[1, 2, 0]], 2.0, 1.0, GimbalFailures([1.0], [10.0], [1.0], [5.0])
+    )
+    for one, own in ((run.loop.plant.effectors[0], run.start.of_each[0]), (gyros, gyros.init())):
+        assert one.failures is not None
+        for kind in one.failures.kinds:
+            assert _keeps_failure_in_piece(one, run.start, own, jnp.array(kind)), kind
 
 
 def test_flywheels_that_do_not_span_make_the_part_of_a_torque_along_their_axes(monkeypatch):

@@ -12,7 +12,7 @@ from jaxsat.core.allocation import unit_columns
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.actuators import ACTUATORS as DECLARED
 from jaxsat.core.declaration.actuators import STEERED
-from jaxsat.scenario.build.plant import field_of
+from jaxsat.scenario.build.plant import effector_context
 from jaxsat.scenario.build.plugin_trial import made_part, require_events, require_torque
 from jaxsat.scenario.build.sensors import tachometer_noise
 from jaxsat.scenario.build.thrusters import failing, pulsed_thrusters, rate_noise
@@ -25,7 +25,7 @@ from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft.actuators import ActuatorContext, Actuators, PluginActuators
 from jaxsat.spacecraft.distribution import AbstractDistribution, Direct, WheelsFirst
 from jaxsat.spacecraft.dynamics import RigidBody
-from jaxsat.spacecraft.effector import AbstractEffector, EffectorContext, Reach
+from jaxsat.spacecraft.effector import AbstractEffector, Reach
 from jaxsat.spacecraft.magnetorquers import MagneticSteering, Magnetorquers
 from jaxsat.spacecraft.relief import Relief
 from jaxsat.spacecraft.steering import AbstractSteering, Steered, SteeringContext
@@ -121,7 +121,7 @@ def _known_friction(scenario: Scenario) -> WheelFriction | None:
 
 
 def _declared_wheels(scenario: Scenario) -> Wheels:
-    return Wheels.from_tables(scenario.wheel, EffectorContext(field_of(scenario.orbit), ()))[0]
+    return Wheels.from_tables(scenario.wheel, effector_context(scenario))[0]
 
 
 def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
@@ -161,8 +161,7 @@ def magnetic_context(scenario: Scenario) -> MagneticContext | None:
     tables, wheels = scenario.magnetorquer, scenario.wheel
     if all(one.failed for one in tables):
         return None
-    place = EffectorContext(field_of(scenario.orbit), ())
-    torquers, _ = Magnetorquers.from_tables(tables, place)
+    torquers, _ = Magnetorquers.from_tables(tables, effector_context(scenario))
     coasting = np.array([one.momentum_N_m_s if one.failed else 0.0 for one in wheels])
     context = _steering_context(scenario)
     steering = MagneticSteering.from_tables(torquers, tables, context)

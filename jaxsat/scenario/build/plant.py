@@ -12,7 +12,7 @@ from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.actuators import EFFECTORS
 from jaxsat.core.declaration.disturbances import DISTURBANCES
 from jaxsat.core.earth import EARTH_OBLATENESS, epoch_of
-from jaxsat.scenario.build.plugin_trial import made_part, require_torque
+from jaxsat.scenario.build.plugin_trial import at_code_of, made_part, require_torque
 from jaxsat.scenario.parts.disturbances import DisturbanceTable
 from jaxsat.scenario.parts.named import PartTable, number_of
 from jaxsat.scenario.parts.orbit import OrbitTable
@@ -57,14 +57,23 @@ def build_plant(scenario: Scenario) -> RigidBody:
 
 def build_effectors(scenario: Scenario) -> list[tuple[AbstractEffector, Any]]:
     """Return the effectors of a scenario's body in their order there, and their initial states."""
-    field, effectors = field_of(scenario.orbit), []
+    effectors = []
     for kind in EFFECTORS:
         tables = getattr(scenario, kind.name)
         if tables:
             strikes = ((number_of(one.of, kind.name, tables), one) for one in scenario.failure)
             failures = tuple((number, one) for number, one in strikes if number is not None)
-            effectors.append(kind.from_tables(tables, EffectorContext(field, failures)))
+            context = effector_context(scenario, failures)
+            with at_code_of(kind.effector, (kind.name,), "can be built"):
+                effectors.append(kind.from_tables(tables, context))
     return effectors
+
+
+def effector_context(
+    scenario: Scenario, failures: tuple[tuple[int, Any], ...] = ()
+) -> EffectorContext:
+    """Return the inputs of a scenario for effectors of one kind, with these failures of theirs."""
+    return EffectorContext(field_of(scenario.orbit), _sunlight(scenario), failures)
 
 
 def orbit_rate(scenario: Scenario) -> float:
@@ -108,9 +117,13 @@ def place_of(table: OrbitTable) -> AbstractPlace:
 
 def sensor_context(scenario: Scenario) -> SensorContext:
     """Return the data that sensors need of a scenario with a sampled law."""
+    field, sunlight = field_of(scenario.orbit), _sunlight(scenario)
+    return SensorContext(scenario.control.period_s, field, sunlight)
+
+
+def _sunlight(scenario: Scenario) -> Sunlight:
     light = scenario.disturbance
-    sunlight = sunlight_of(scenario.orbit, light.sun_direction, light.eclipses)
-    return SensorContext(scenario.control.period_s, field_of(scenario.orbit), sunlight)
+    return sunlight_of(scenario.orbit, light.sun_direction, light.eclipses)
 
 
 def field_of(table: OrbitTable) -> AbstractMagneticField:
@@ -145,8 +158,8 @@ def _disturbance_inputs(
     scenario: Scenario, inertia: np.ndarray
 ) -> tuple[DisturbanceContext, dict[str, Any]]:
     """The context of jaxsat's own disturbances, and the values of all their keys."""
-    field = field_of(scenario.orbit)
-    context = DisturbanceContext(inertia, orbit_rate(scenario), field, scenario.panel)
+    field, light = field_of(scenario.orbit), _sunlight(scenario)
+    context = DisturbanceContext(inertia, orbit_rate(scenario), field, light, scenario.panel)
     keys = (key for part in DISTURBANCES.values() for key in part.keys)
     return context, values_of(keys, scenario.disturbance)
 

@@ -1,6 +1,7 @@
 """Trial of plug-ins by tracing: whether their results suit the loop."""
 
 import contextlib
+import dataclasses
 import inspect
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from operator import attrgetter
@@ -13,7 +14,7 @@ import jax.numpy as jnp
 from jaxsat.control.controller import AbstractController, AbstractFeedbackLaw
 from jaxsat.control.navigation.estimator import AbstractEstimator, Estimate, Measurement
 from jaxsat.control.sampled import AbstractSampledController
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.laws import Law
 from jaxsat.core.errors import foreign_exceptions
@@ -55,11 +56,28 @@ def require_runs(law: Law, controller: Controller, start: PlantState) -> None:
     _require_same_memory(law, LAW, memory, outcome[1], method)
 
 
-@contextlib.contextmanager
 def sound(
     part: Law | Part, location: Location, part_class: type, rule: str = "can be run"
-) -> Iterator[None]:
+) -> contextlib.AbstractContextManager[None]:
     """Convert exceptions in a part's own code inside this context to a `BuildError`."""
+    keys = ", ".join(key.name for key in part.declaration.keys)
+    return _converted(part_class, location, f"{_name_of(part)} {rule}", keys)
+
+
+def at_code_of(
+    part_class: type, location: Location, rule: str = "can be run"
+) -> contextlib.AbstractContextManager[None]:
+    """Convert exceptions in this context to a `BuildError` if another package has the class."""
+    if _is_own(part_class):
+        return contextlib.nullcontext()
+    return _converted(part_class, location, f'its "{part_class.__name__}" {rule}')
+
+
+@contextlib.contextmanager
+def _converted(
+    part_class: type, location: Location, rule: str, keys: str | None = None
+) -> Iterator[None]:
+    """Convert exceptions to a `BuildError`; `keys` are those that the class has declared."""
     try:
         yield
     except BuildError:
@@ -73,11 +91,11 @@ def sound(
             )
         elif isinstance(error, jax.errors.TracerArrayConversionError):
             hint = "; use functions of jnp in place of those of numpy"
-        elif isinstance(error, KeyError):
-            hint = f"; the declared keys are {', '.join(key.name for key in part.declaration.keys)}"
+        elif isinstance(error, KeyError) and keys is not None:
+            hint = f"; the declared keys are {keys}"
         place = place_in(inspect.getfile(part_class), error)
-        message = f"{rule}, got {type(error).__name__}: {text}{hint}{place}"
-        raise BuildError(_issue(part, location, message)) from error
+        message = f"must be such that {rule}, got {type(error).__name__}: {text}{hint}{place}"
+        raise BuildError(Issue(location, message)) from error
 
 
 def made_part(part: Part, location: Location, table: PartTable, context: Any) -> Any:
@@ -100,28 +118,83 @@ def require_torque(
     _require_shape(part, location, value, (3,), f"gives {{}}, a torque in N m{place}")
 
 
+def require_acts(effectors: Iterable[AbstractEffector], start: PlantState) -> None:
+    """Raise `BuildError` if a package's effector, called once, raises or returns other shapes.
+
+    So does one whose failures change more than its pieces.
+    """
+    for one, state in zip(effectors, start.of_each, strict=True):
+        if _is_own(type(one)):
+            continue
+        with at_code_of(type(one), (one.kind,)):
+            torque, rate = eqx.filter_eval_shape(_act, one, start, state)
+        if torque.shape != (3,):
+            _refuse_of(one, "effect", "gives a torque of shape (3,)", torque.shape)
+        if _kinds(rate) != _kinds(state):
+            rule = f"gives the rate of its state, {_shapes(state)}"
+            _refuse_of(one, "derivative", rule, _shapes(rate))
+        for kind in () if one.failures is None else one.failures.kinds:
+            with at_code_of(type(one), (one.kind,)):
+                alike = eqx.filter_jit(_keeps_failure_in_piece)(one, start, state, jnp.array(kind))
+            if not alike:
+                rule = "puts all that a failure changes into the piece"
+                _refuse_of(one, "driven", rule, f'another effect of "{kind.text}" without it')
+
+
+def _act(one: AbstractEffector, start: PlantState, state: Any) -> tuple[Any, Any]:
+    """Torque, and rate of the state, at rest without failures and under the command for zero."""
+    struck = jnp.zeros(one.failure_times.shape, bool)
+    driven, command = one.driven(state, one.idle(), struck)
+    return _motion(driven, driven.piece(driven.mode(state), command), start, state)
+
+
+def _motion(one: AbstractEffector, piece: Any, start: PlantState, state: Any) -> tuple[Any, Any]:
+    torque = one.effect(piece, jnp.zeros(()), start, state).torque
+    return torque, one.derivative(piece, start, state, jnp.zeros(3))
+
+
+def _keeps_failure_in_piece(
+    one: AbstractEffector, start: PlantState, state: Any, kind: IntScalar
+) -> BoolScalar:
+    """Whether an effector with all devices half failed moves alike before and after `driven`."""
+    whole = jnp.ones(one.failures.count)
+    broken = dataclasses.replace(one.failures, kind=kind * whole, amount=0.5 * whole)
+    one = eqx.tree_at(lambda x: x.failures, one, broken)
+    state = jax.tree.map(lambda x: x + 0.1, state)
+    driven, command = one.driven(state, one.idle() + 0.1, whole > 0)
+    piece = driven.piece(driven.mode(state), command)
+    pairs = zip(
+        jax.tree.leaves(_motion(one, piece, start, state)),
+        jax.tree.leaves(_motion(driven, piece, start, state)),
+        strict=True,
+    )
+    return jnp.all(jnp.stack([jnp.allclose(x, y, atol=0.0) for x, y in pairs]))
+
+
 def require_steered(
     steering: Iterable[AbstractSteering], effectors: Sequence[AbstractEffector], start: PlantState
 ) -> None:
     """Raise `BuildError` if a package's steering, called once, raises or returns other shapes."""
-    counts = {one.kind: one.count for one in effectors}
+    sizes = {one.kind: one.command_size for one in effectors}
     for one in steering:
-        if type(one).__module__.partition(".")[0] == "jaxsat":
+        if _is_own(type(one)):
             continue
-        rule = f'must be such that its steering "{type(one).__name__}"'
-        try:
+        with at_code_of(type(one), (one.kind,)):
             outcome = eqx.filter_eval_shape(one, jnp.zeros(()), start, jnp.zeros(3))
-        except foreign_exceptions() as error:
-            text = str(error).strip().split("\n", 1)[0]
-            place = place_in(inspect.getfile(type(one)), error)
-            message = f"{rule} can be run, got {type(error).__name__}: {text}{place}"
-            raise BuildError(Issue((one.kind,), message)) from error
-        shapes = ((counts[one.kind],), (3,))
+        shapes = ((sizes[one.kind],), (3,))
         actual = tuple(getattr(value, "shape", None) for value in jax.tree.leaves(outcome))
         if actual != shapes:
-            place = _place_of_method(type(one), "__call__")
-            message = f"{rule} gives arrays of shapes {shapes}{place}, got {actual}"
-            raise BuildError(Issue((one.kind,), message))
+            _refuse_of(one, "__call__", f"gives arrays of shapes {shapes}", actual)
+
+
+def _is_own(part_class: type) -> bool:
+    return part_class.__module__.partition(".")[0] == "jaxsat"
+
+
+def _refuse_of(one: AbstractEffector | AbstractSteering, method: str, rule: str, got: Any) -> None:
+    place = _place_of_method(type(one), method)
+    message = f'must be such that its "{type(one).__name__}" {rule}{place}, got {got}'
+    raise BuildError(Issue((one.kind,), message))
 
 
 def require_vector(part: Part, location: Location, vector: AbstractSensedVector) -> None:
@@ -294,5 +367,8 @@ def _shapes(tree: Any) -> str:
 
 
 def _issue(part: Law | Part, location: Location, message: str) -> Issue:
-    what = f'the law "{part.name}"' if isinstance(part, Law) else f'"{part.name}"'
-    return Issue(location, f"must be such that {what} {message}")
+    return Issue(location, f"must be such that {_name_of(part)} {message}")
+
+
+def _name_of(part: Law | Part) -> str:
+    return f'the law "{part.name}"' if isinstance(part, Law) else f'"{part.name}"'

@@ -22,7 +22,7 @@ from jaxsat.scenario.build.actuators import build_distribution, build_thrusters,
 from jaxsat.scenario.build.controller import build_controller
 from jaxsat.scenario.build.errors import BuildError, at_key, made_of_numbers
 from jaxsat.scenario.build.plant import build_effectors, build_plant
-from jaxsat.scenario.build.plugin_trial import require_runs, require_steered
+from jaxsat.scenario.build.plugin_trial import require_acts, require_runs, require_steered
 from jaxsat.scenario.build.sensors import build_navigation, build_sampling, build_tachometers
 from jaxsat.scenario.control import is_plugin
 from jaxsat.scenario.derived import has_invalid_samples, hold_samples_of, uses_error_coordinates
@@ -89,6 +89,7 @@ def _build(scenario: Scenario) -> Run:
     with at_key("initial"):
         start = made_of_numbers(build_start(scenario, loop.plant.effectors))
     steering = getattr(getattr(loop, "distribution", None), "steering", ())
+    require_acts(loop.plant.effectors, start)
     require_steered(steering, loop.plant.effectors, start)
     law = scenario.law
     if is_plugin(law.name):

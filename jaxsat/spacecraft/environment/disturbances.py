@@ -17,18 +17,21 @@ from jaxsat.core.declaration.disturbances import CONSTANT, GRAVITY_GRADIENT, PER
 from jaxsat.core.earth import EARTH_GRAVITY
 from jaxsat.core.trigonometry import sin
 from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, AbstractPlace, CircularOrbit
+from jaxsat.spacecraft.environment.sensed_vectors import AbstractSensedVector
 
 
 class DisturbanceContext(NamedTuple):
     """Inputs from a scenario for a disturbance besides its own keys.
 
     The nominal `inertia` (kg m²), the `orbit_rate` (rad/s) of the reference frame, the magnetic
-    `field` along the orbit, and checked tables `[[panel]]`.
+    `field` along the orbit, `sunlight`, which is the direction to the Sun with its shadow, in the
+    reference frame of the attitude, and checked tables `[[panel]]`.
     """
 
     inertia: Float[np.ndarray, "3 3"]
     orbit_rate: float
     field: AbstractMagneticField
+    sunlight: AbstractSensedVector
     panels: tuple[Any, ...] = ()
 
     @property
