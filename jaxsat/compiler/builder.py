@@ -28,7 +28,7 @@ class Builder:
         self.trace: Trace | None = None if like is None else like.trace
         self.mask: ir.Scalar | None = None
         self.outside: dict[int, list[ir.Value]] = {}  # arrays from outside, by their first value
-        self.given: set[int] = set()  # arguments of the function in a compact program
+        self.parameters: set[int] = set()  # arguments of the function in a compact program
         self.functions: dict[tuple, ir.Function] = {}
         self.repeated: dict[int, Any] = {}
         self.outlined: dict[int, Any] = {}  # jaxprs of Python functions, by identity

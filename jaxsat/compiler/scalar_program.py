@@ -51,7 +51,7 @@ def scalar_program(name: str, function: Callable, examples: Sequence[PyTree]) ->
         arrays += arrays_of(scalars, [aval.shape])
     b = Builder()
     b.compact, b.trace, b.cutter = True, Trace(), outlined
-    b.given = {x.number for x in params}
+    b.parameters = {x.number for x in params}
     results = scalars_of(lower(b, b.cut(jaxpr), arrays))
     with bugs_in("optimisation"):
         scalar_function = without_dead_code(Function(name, params, b.block, results))

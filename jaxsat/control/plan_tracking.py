@@ -15,7 +15,7 @@ from jaxsat.control.planning.search import PlanSearch, in_hemisphere_of
 from jaxsat.control.planning.tracking import (
     LAST_WEIGHTS,
     WEIGHTS,
-    Followed,
+    Guidance,
     PlanTable,
     table_of,
     tracking_gains,
@@ -241,7 +241,7 @@ def _searched(settling, margin, intervals: int, begin: RealScalar, state: PlantS
     result = search.advanced(program, search.from_guesses(search.idle(program), *first), *first)
     plan = result.iterate.unknowns
     gains = tracking_gains(program, first[0], plan, jnp.array(WEIGHTS), jnp.array(LAST_WEIGHTS))
-    table = table_of(program, Followed(plan, gains, first[0]))
+    table = table_of(program, Guidance(plan, gains, first[0]))
     return table._replace(begin=begin), search.arrives(result)
 
 

@@ -21,7 +21,7 @@ from jaxsat.control.plan_tracking import (
     quickest_plan,
 )
 from jaxsat.control.planning.search import PlanSearch, Search
-from jaxsat.control.planning.tracking import Followed, followed_if, following_torque
+from jaxsat.control.planning.tracking import Guidance, following_torque, guidance_if
 from jaxsat.control.planning.transcription import STATES, Transcription
 from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
 from jaxsat.core.array_types import IntScalar, Pair, RealScalar
@@ -69,18 +69,18 @@ class PlannedMemory(NamedTuple):
     """Memories of the law of three slews and of the search, and the tracked plan.
 
     `stage` is PLANNING, FOLLOWING or `SETTLING`, `failures` the number of failed plans,
-    `manoeuvres` that of plans since the last hold, `searched` the time in units of τ at which the
-    last search began, negative before the first.
+    `manoeuvres` that of plans since the last hold, `search_begin` the time in units of τ at which
+    the last search began, negative before the first.
     """
 
     settling: SettlingMemory
     driven: DrivenMemory
     search: Search
-    followed: Followed
+    guidance: Guidance
     stage: IntScalar
     failures: IntScalar
     manoeuvres: IntScalar
-    searched: RealScalar
+    search_begin: RealScalar
 
 
 class PlannedSettling(AbstractPlanLaw):
@@ -139,8 +139,8 @@ class PlannedSettling(AbstractPlanLaw):
         search = self.search.idle(self.program(settling, driven))
         gains = jnp.zeros((self.intervals, 2, STATES), state.omega.dtype)
         none = jnp.array(0)
-        unplanned = Followed(search.best._replace(duration=zero + 1), gains, zero)
-        return PlannedMemory(settling, driven, search, unplanned, none, none, none, zero - 1)
+        idle = Guidance(search.best._replace(duration=zero + 1), gains, zero)
+        return PlannedMemory(settling, driven, search, idle, none, none, none, zero - 1)
 
     def step(
         self, t: RealScalar, state: PlantState, memory: PlannedMemory
@@ -152,14 +152,14 @@ class PlannedSettling(AbstractPlanLaw):
         t = self.settling.clock(memory.settling)
         torque, settling = self.settling.in_phase(state, memory.settling, law_phase)
         now, x = t / program.time_unit, filtered(self.settling, program, state, settling)
-        ended = (stage == SETTLING) & (memory.settling.phase == Phase.OSCILLATING)
-        loss = ended & (settling.phase == Phase.STOPPING)
-        slips = ended & memory.settling.fine.late & ~settling.fine.late
+        settles = (stage == SETTLING) & (memory.settling.phase == Phase.OSCILLATING)
+        loss = settles & (settling.phase == Phase.STOPPING)
+        slips = settles & memory.settling.fine.late & ~settling.fine.late
         over = stage == PlannedMode.FOLLOWING
-        over = over & (now > memory.followed.begin + memory.followed.plan.duration)
+        over = over & (now > memory.guidance.begin + memory.guidance.plan.duration)
         misses = slips | (over & ~settling.fine.late)
         misses = misses & (memory.manoeuvres < MOST_MANOEUVRES)
-        begins = loss | misses | (memory.searched < 0)
+        begins = loss | misses | (memory.search_begin < 0)
         holds = (stage == SETTLING) & (self.settling.mode(settling) == Phase.HOLDING)
         holds = holds & (t - settling.since > self.settling.patience)
         manoeuvres = jnp.where(holds, 0, memory.manoeuvres) + jnp.where(begins, 1, 0)
@@ -167,18 +167,18 @@ class PlannedSettling(AbstractPlanLaw):
         stage = jnp.where(begins, PlannedMode.PLANNING, stage)
 
         begin, ahead = self._ahead(program, now, x, begins, stage)
-        search, searched = self._next_search(program, now, x, memory, begins, (begin, ahead))
+        search, search_begin = self._next_search(program, now, x, memory, begins, (begin, ahead))
         ends = ~self.search.over(search)
         search = self.search.advanced(program, search, begin, ahead)
         ends = ends & self.search.over(search)
         arrives = ends & self.search.arrives(search)
         fails = ends & ~arrives & (stage == PlannedMode.PLANNING)
         plan, begin = search.iterate.unknowns, search.begin
-        followed = followed_if(program, arrives, plan, begin, memory.followed)
+        guidance = guidance_if(program, arrives, plan, begin, memory.guidance)
         stage = jnp.where(arrives, PlannedMode.FOLLOWING, stage)
         stage = jnp.where(fails, SETTLING, stage)
 
-        following = following_torque(program, now, x, followed, self.period / program.time_unit)
+        following = following_torque(program, now, x, guidance, self.period / program.time_unit)
         following = clipped(following * program.limit, self.settling.torque_limit)
         following = self.form.command(following)
         torque = jnp.where(stage == PlannedMode.FOLLOWING, following, torque)
@@ -189,9 +189,9 @@ class PlannedSettling(AbstractPlanLaw):
         waiting = settling._replace(phase=phase, fine=fine, since=t + 0 * settling.since)
         settling = choose((stage != SETTLING) | over | fails, waiting, settling)
         failures = memory.failures + jnp.where(fails, 1, 0)
-        progress = (stage, failures, manoeuvres, searched)
+        progress = (stage, failures, manoeuvres, search_begin)
         driven = driven._replace(torque=self.form.to_command.T @ torque)
-        return torque, PlannedMemory(settling, driven, search, followed, *progress)
+        return torque, PlannedMemory(settling, driven, search, guidance, *progress)
 
     def _ahead(
         self, program: Transcription, now: RealScalar, x, begins, stage: IntScalar
@@ -212,16 +212,16 @@ class PlannedSettling(AbstractPlanLaw):
 
         `first` are time and state at the begin of a plan from all guesses.
         """
-        plan, begin = memory.followed.plan, memory.followed.begin
+        plan, begin = memory.guidance.plan, memory.guidance.begin
         closing = self.search.most_closing_pieces * self.period / program.time_unit
         again = (memory.stage == PlannedMode.FOLLOWING) & self.search.over(memory.search)
-        again = again & (now - memory.searched > self.replan / program.time_unit)
+        again = again & (now - memory.search_begin > self.replan / program.time_unit)
         again = again & (now > begin)
         again = again & (begin + plan.duration - now > jnp.maximum(FLOWN_OUT, closing))
         anew = self.search.from_guesses(memory.search, *first)
         near = self.search.near(program, memory.search, now, x, plan, now - begin)
         search = choose(begins, anew, choose(again, near, memory.search))
-        return search, jnp.where(begins | again, now, memory.searched)
+        return search, jnp.where(begins | again, now, memory.search_begin)
 
     def rate_error(self, state: PlantState, memory: PlannedMemory) -> Pair:
         """ω - ω_d of the law of three slews while it is active, else NaN, rad/s."""

@@ -231,16 +231,16 @@ def _bases(
 ) -> tuple[Float[np.ndarray, "bases m k"], Float[np.ndarray, "optimal m k"]]:
     """Return duties per unit of command of all bases, and of those that can be optimal."""
     rows, count = _independent_rows(torque), torque.shape[1]
-    reduced, commands = rows @ torque, rows @ command_map
+    columns, commands = rows @ torque, rows @ command_map
     price = np.maximum(cost / np.max(cost), BASIS_TOLERANCE)
     bases = np.array(list(itertools.combinations(range(count), len(rows))))
-    squares = np.moveaxis(reduced[:, bases], 1, 0)
+    squares = np.moveaxis(columns[:, bases], 1, 0)
     regular = np.abs(np.linalg.det(squares / _size(torque))) >= BASIS_TOLERANCE
     bases, squares = bases[regular], squares[regular]
     possible = np.zeros((len(bases), count, command_map.shape[1]))
     np.put_along_axis(possible, bases[:, :, None], np.linalg.solve(squares, commands), axis=1)
     dual = np.linalg.solve(np.swapaxes(squares, 1, 2), price[bases][:, :, None])[:, :, 0]
-    optimal = dual @ reduced <= price * (1 + BASIS_TOLERANCE) + BASIS_TOLERANCE
+    optimal = dual @ columns <= price * (1 + BASIS_TOLERANCE) + BASIS_TOLERANCE
     return possible, possible[np.all(optimal, axis=1)]
 
 

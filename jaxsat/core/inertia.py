@@ -29,15 +29,15 @@ def normal_axes(
     """
     normal = np.cross(directions[:, 0], directions[:, 1])
     along = inertia @ normal
-    reduced = directions.T @ (inertia - np.outer(along, along) / (normal @ along)) @ directions
-    difference, twice = reduced[0, 0] - reduced[1, 1], 2 * reduced[0, 1]
+    block = directions.T @ (inertia - np.outer(along, along) / (normal @ along)) @ directions
+    difference, twice = block[0, 0] - block[1, 1], 2 * block[0, 1]
     half = np.arctan2(twice, difference) / 2
     cosine, sine = np.cos(half), np.sin(half)
     if not twice:  # exact, as on the paper's spacecraft
         cosine, sine = (1.0, 0.0) if difference >= 0 else (0.0, 1.0)
     turn = np.array([[cosine, sine], [-sine, cosine]])
     axes = np.vstack([turn @ directions.T, normal])
-    principal = turn @ reduced @ turn.T
+    principal = turn @ block @ turn.T
     return axes, (float(principal[0, 0]), float(principal[1, 1]), float(normal @ along))
 
 

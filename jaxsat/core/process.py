@@ -31,8 +31,8 @@ def all_processors() -> int:
     `taskset`) or is in a container with a quota.
     """
     affinity = getattr(os, "sched_getaffinity", None)
-    bound = len(affinity(0)) if affinity else os.cpu_count() or 1
-    return min(bound, _quota() or bound)
+    count = len(affinity(0)) if affinity else os.cpu_count() or 1
+    return min(count, _quota() or count)
 
 
 def share_of(count: int) -> AbstractContextManager[None]:

@@ -90,5 +90,5 @@ def angle_of(y: Float[Array, "*n"], x: Float[Array, "*n"]) -> Float[Array, "*n"]
 def _angle_jvp(primals, tangents):
     (y, x), (dy, dx) = primals, tangents
     square = x**2 + y**2
-    turned = (x * dy - y * dx) / jnp.where(square > 0, square, 1.0)
-    return angle_of(y, x), jnp.where(square > 0, turned, 0.0)
+    slope = (x * dy - y * dx) / jnp.where(square > 0, square, 1.0)
+    return angle_of(y, x), jnp.where(square > 0, slope, 0.0)

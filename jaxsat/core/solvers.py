@@ -31,7 +31,7 @@ class NamedSolver(eqx.Module):
                 f"Argument `name` must be one of {', '.join(SOLVERS)}, but got {self.name}."
             )
 
-    def made(self) -> AbstractSolver:
+    def instance(self) -> AbstractSolver:
         """Return the diffrax solver of this name."""
         import diffrax  # slow
 
@@ -44,7 +44,7 @@ Solver = NamedSolver | AbstractSolver
 
 def solver_of(solver: Solver) -> AbstractSolver:
     """Return the diffrax solver, constructed if given by name."""
-    return solver.made() if isinstance(solver, NamedSolver) else solver
+    return solver.instance() if isinstance(solver, NamedSolver) else solver
 
 
 def class_name(solver: Solver) -> str:

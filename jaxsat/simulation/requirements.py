@@ -156,8 +156,8 @@ def observe(
     def at(instant: RealScalar, part: Formula) -> Margin:
         span = time - monitor.time
         share = (instant - monitor.time) / jnp.where(span > 0, span, 1.0)
-        mixed = monitor.margins * (1 - share) + margins * share
-        return _at_instant(part, order, mixed, instant)
+        between = monitor.margins * (1 - share) + margins * share
+        return _at_instant(part, order, between, instant)
 
     def now(part: Formula) -> Margin:
         return _at_instant(part, order, margins, time)
@@ -203,16 +203,16 @@ def margin_of(
     The margin is infinite where no window has begun.
     """
     tracks = zip(*_windows(formula, end, failures), monitor.tracks, strict=True)
-    met = Margin.none(jnp.inf, monitor.time)
+    holds_always = Margin.none(jnp.inf, monitor.time)
     margin_at: dict[int, Margin] = {}
     for one, (begin, _), track in tracks:
         margin = track.best.negated() if one.kind == "always" else track.best
-        margin = _either(begin <= end, margin, met)
+        margin = _either(begin <= end, margin, holds_always)
         margin_at[id(one)] = margin_at[id(one)].least(margin) if id(one) in margin_at else margin
 
     def of(part: Formula) -> Margin:
         if isinstance(part, Temporal):
-            return margin_at.get(id(part), met)
+            return margin_at.get(id(part), holds_always)
         return _combined(part, of)
 
     return of(formula)

@@ -102,7 +102,7 @@ class SampledLoop(AbstractLoop):
     def tells_unmade(self) -> bool:
         """Whether law, distribution or an effector gives the torque that actuators do not make."""
         effectors = self.plant.effectors
-        if self.controller.tells_unmade or self.distribution.tells_left(effectors):
+        if self.controller.tells_unmade or self.distribution.tells_remainder(effectors):
             return True
         return any(one.unmade(one.idle()) is not None for one in effectors)
 
@@ -250,7 +250,7 @@ class SampledLoop(AbstractLoop):
     def _idle_shares(self) -> Shares:
         """Shares of idle effectors, with the structure of those of a command."""
         effectors = self.plant.effectors
-        rest = jnp.zeros(3) if self.distribution.tells_left(effectors) else None
+        rest = jnp.zeros(3) if self.distribution.tells_remainder(effectors) else None
         return Shares(tuple(one.idle() for one in effectors), rest)
 
     def _with_unmade(self, signals: Signals, shares: Shares) -> Signals:

@@ -32,7 +32,7 @@ class Allocated(NamedTuple):
     that they do not make (N m)."""
 
     use: Float[Array, " n"]
-    made: Vector
+    torque: Vector
     unmade: Vector
 
 

@@ -26,7 +26,7 @@ class Shares(NamedTuple):
     """Command of each effector, and the torque (N m) assigned to none; None for no such torque."""
 
     uses: OfEach
-    left: Vector | None = None
+    remainder: Vector | None = None
 
     def torque_unmade(self, effectors: tuple[AbstractEffector, ...]) -> Vector | None:
         """Return the commanded torque that effectors do not make, N m; None for direct commands.
@@ -34,7 +34,7 @@ class Shares(NamedTuple):
         This is the torque assigned to no effector plus the torque beyond the limits of each.
         """
         beyond = [one.unmade(use) for one, use in zip(effectors, self.uses, strict=True)]
-        parts = [one for one in (self.left, *beyond) if one is not None]
+        parts = [one for one in (self.remainder, *beyond) if one is not None]
         return sum(parts[1:], parts[0]) if parts else None
 
 
@@ -64,8 +64,8 @@ class AbstractDistribution(eqx.Module):
         del effectors
         return jnp.zeros_like(command)
 
-    def tells_left(self, effectors: tuple[AbstractEffector, ...]) -> bool:
-        """Whether `Shares.left` is computed for these effectors."""
+    def tells_remainder(self, effectors: tuple[AbstractEffector, ...]) -> bool:
+        """Whether `Shares.remainder` is computed for these effectors."""
         return False
 
     @property
@@ -211,8 +211,8 @@ class WheelsFirst(AbstractDistribution):
         alone = all(isinstance(one, Wheels) or not one.command_size for one in effectors)
         return self.rest @ command if alone and self.rest is not None else jnp.zeros_like(command)
 
-    def tells_left(self, effectors) -> bool:
-        """Whether `Shares.left` is computed: always."""
+    def tells_remainder(self, effectors) -> bool:
+        """Whether `Shares.remainder` is computed: always."""
         return True
 
     def wheels(self, command: Float[Array, " torques"]) -> Float[Array, " wheels"]:

@@ -159,8 +159,8 @@ class FailureEvents(AbstractFailures):
         Valves of dead, stuck, and pausing intermittent thrusters do not open.
         """
         last = self.last(on[None] >= (self.at - t)[:, None], on.shape[0])
-        fixed = [FailureKind.DEAD, FailureKind.STUCK_ON, FailureKind.STUCK_AT]
-        still = [last.kind == kind for kind in fixed]
+        shut_or_stuck = [FailureKind.DEAD, FailureKind.STUCK_ON, FailureKind.STUCK_AT]
+        still = [last.kind == kind for kind in shut_or_stuck]
         return ~(still[0] | still[1] | still[2] | _paused(last, t))
 
     def at_work(

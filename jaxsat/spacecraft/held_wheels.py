@@ -32,8 +32,8 @@ def time_to(target, begin, piece: WheelPiece) -> Float[Array, " wheels"]:
     distance = jnp.where(moves, target - begin, 0.0)
     straight = jnp.maximum(distance / jnp.where(moves, speed, 1.0), 0.0)
     share = piece.decay * straight  # of the way to where friction alone would stop them
-    reached = moves & (share < 1)
-    return jnp.where(reached, straight * _log_ratio(jnp.where(reached, share, 0.0)), jnp.inf)
+    arrives = moves & (share < 1)
+    return jnp.where(arrives, straight * _log_ratio(jnp.where(arrives, share, 0.0)), jnp.inf)
 
 
 def _log_ratio(x: Float[Array, " wheels"]) -> Float[Array, " wheels"]:

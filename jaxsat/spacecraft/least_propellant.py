@@ -156,10 +156,10 @@ def least_price(
     count = upper.shape[0]
     spread = GOLDEN * jnp.arange(count, dtype=upper.dtype) % 1
     price = price * (1 + zero_below(upper) * spread)
-    fixed = jax.lax.stop_gradient((Programme(units, upper, price), torque))
+    constants = jax.lax.stop_gradient((Programme(units, upper, price), torque))
     last = jax.lax.while_loop(
         lambda at: at.goes & (at.pivots < PIVOTS_A_THRUSTER * (count + 2)),
-        lambda at: _pivot(*fixed, at),
+        lambda at: _pivot(*constants, at),
         jax.lax.stop_gradient(_beginning(upper, torque, first)._replace(goes=runs)),
     )
     total = parts_up_to(last.facets, units, (None, upper), torque, first)

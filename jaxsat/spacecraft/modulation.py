@@ -175,8 +175,8 @@ class PulseWidthPulseFrequency(AbstractModulation):
             wait = self._wait(output, end, level, valve)
             switches = now + wait < period
             length = jnp.where(switches, wait, period - now)
-            decayed = end + (output - end) * jnp.exp(-length / self.time_constant)
-            output = jnp.where(switches, level, decayed)
+            free = end + (output - end) * jnp.exp(-length / self.time_constant)
+            output = jnp.where(switches, level, free)
             now = jnp.where(switches, now + length, period)
             return (now, output, jnp.where(switches, 1 - valve, valve)), now
 
@@ -187,11 +187,11 @@ class PulseWidthPulseFrequency(AbstractModulation):
     def _wait(self, output, end, level, valve):
         """Return the time (s) until the lag's output reaches the level; infinite if never."""
         way = jnp.where(valve > 0, -1.0, 1.0)
-        reached = way * (output - level) >= 0
+        there = way * (output - level) >= 0
         comes = way * (end - level) > 0
-        quotient = jnp.where(comes & ~reached, (end - output) / (end - level), 1.0)
+        quotient = jnp.where(comes & ~there, (end - output) / (end - level), 1.0)
         wait = self.time_constant * jnp.log(quotient)
-        return jnp.where(reached, 0.0, jnp.where(comes, wait, jnp.inf))
+        return jnp.where(there, 0.0, jnp.where(comes, wait, jnp.inf))
 
     def _pulses(self, instants, was_open, period):
         """Return pulses between switchings; an open valve's first one begins with the period."""

@@ -227,13 +227,13 @@ class PulsedThrusters(AbstractEffector):
         if failures is not None:
             acts = acts & jax.vmap(lambda on: failures.opens(t, on + late))(pulses.on)
         begins = acts & ~((pulses.on <= 0) & memory.open[None])
-        counted = 1.0 if self.modulation.counts_openings() else 0.0
-        opened = jnp.sum(begins, axis=0, dtype=memory.openings.dtype)
+        per_opening = 1.0 if self.modulation.counts_openings() else 0.0
+        openings = jnp.sum(begins, axis=0, dtype=memory.openings.dtype)
         following = memory._replace(
             modulation=modulation,
             pulses=pulses if self.late else None,
             open=jnp.any(acts & (pulses.off >= period), axis=0),
-            openings=memory.openings + counted * opened,
+            openings=memory.openings + per_opening * openings,
         )
         if self.late:
             pulses = _late(pulses, memory.pulses, period, late)

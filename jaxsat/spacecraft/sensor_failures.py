@@ -171,8 +171,8 @@ class SensorFailures(AbstractSensorFailures):
 
         The arguments are those of `attitude`.
         """
-        untouched = Quaternion(jnp.array([1.0, 0.0, 0.0, 0.0], new.value.dtype))
-        turned = untouched.turned(condition.error).as_dcm().matrix @ new.value
+        identity = Quaternion(jnp.array([1.0, 0.0, 0.0, 0.0], new.value.dtype))
+        turned = identity.turned(condition.error).as_dcm().matrix @ new.value
         return _read(condition, new.seen, turned, last, due)
 
 

@@ -41,13 +41,13 @@ class AbstractSteering(eqx.Module):
 class SteeringContext(NamedTuple):
     """Inputs from a scenario for a steering besides its effector and the effector's tables.
 
-    `left` (3, 3) is the part of a command of three torques that wheels do not make. Wheels along
-    unit `wheel_axes`, zero for failed ones, are unloaded towards the `bias` (N m s, body axes) at
-    the rate `unloading` (1/s).
+    `remainder` (3, 3) is the part of a command of three torques that wheels do not make. Wheels
+    along unit `wheel_axes`, zero for failed ones, are unloaded towards the `bias` (N m s, body
+    axes) at the rate `unloading` (1/s).
     """
 
     wheel_axes: Float[np.ndarray, "3 wheels"] | None
-    left: Float[np.ndarray, "3 3"]
+    remainder: Float[np.ndarray, "3 3"]
     unloading: float
     bias: Float[np.ndarray, "3"]
 
@@ -79,11 +79,11 @@ class Steered(AbstractDistribution):
         else:
             shares = self.rest(t, state, command, others)
             beyond = self.rest.out_of_reach(beyond, others)
-        rest = None if shares.left is None else shares.left - torque_of(beyond)
+        rest = None if shares.remainder is None else shares.remainder - torque_of(beyond)
         queue = iter(shares.uses)
         uses = tuple(steered[kind] if kind in steered else next(queue) for kind in kinds)
         return Shares(uses, rest)
 
-    def tells_left(self, effectors) -> bool:
-        """Whether `Shares.left` is computed: with steering alone, or if `rest` does so."""
-        return self.rest is None or self.rest.tells_left(effectors)
+    def tells_remainder(self, effectors) -> bool:
+        """Whether `Shares.remainder` is computed: with steering alone, or if `rest` does so."""
+        return self.rest is None or self.rest.tells_remainder(effectors)

@@ -167,7 +167,7 @@ class Wheels(AbstractFailingWheels):
         """Return dh/dt = -c - J_w aᵀdω/dt of turning wheels, N m."""
         return WheelMomenta(self._rate(piece, state, acceleration))
 
-    def made(
+    def axis_torque(
         self, piece: WheelPiece, state: WheelMomenta, acceleration: Vector
     ) -> Float[Array, " wheels"]:
         """Return the torque of each wheel on the body along its axis, N m.
@@ -181,11 +181,11 @@ class Wheels(AbstractFailingWheels):
 
     def torque(self, piece: WheelPiece, effect: Effect, state: WheelMomenta, acceleration):
         """Return the torque A c including the reaction of held rotors, N m."""
-        return self.axes @ self.made(piece, state, acceleration)
+        return self.axes @ self.axis_torque(piece, state, acceleration)
 
     def signals(self, piece: WheelPiece, state: WheelMomenta, acceleration) -> dict[str, Array]:
         """Return the torque of each wheel (N m), by the name of its signal."""
-        return {"wheel_torque": self.made(piece, state, acceleration)}
+        return {"wheel_torque": self.axis_torque(piece, state, acceleration)}
 
     def stored(self, state: WheelMomenta) -> dict[str, Array]:
         """Return the momentum of each wheel (N m s), by the name of its signal."""
@@ -211,8 +211,8 @@ class Wheels(AbstractFailingWheels):
         momentum = state.momentum
         if self.momentum_limit is None:
             return jnp.zeros(0, momentum.dtype)
-        driven = self.unlimited_torque(momentum, command) + self._drag(acceleration)
-        growth = -driven * momentum / self.momentum_limit**2
+        torque = self.unlimited_torque(momentum, command) + self._drag(acceleration)
+        growth = -torque * momentum / self.momentum_limit**2
         arrives = jnp.minimum((momentum / self.momentum_limit) ** 2 - 1, growth)
         return arrives if self.limited is None else jnp.where(self.limited, growth, arrives)
 

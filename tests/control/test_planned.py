@@ -78,11 +78,11 @@ def test_the_papers_start_near_the_least_time():
 def test_a_plan_is_flown_from_its_begin():
     """Until then the body coasts, to the state in which the plan begins."""
     found = flight(5.0, replan=1e9)
-    unit, followed = tau(built(5.0)[1]), found.final.memory.followed
+    unit, guidance = tau(built(5.0)[1]), found.final.memory.guidance
     pushed = np.flatnonzero(np.abs(np.asarray(found.signals.torque)).max(axis=1) > 0)[0]
-    assert found.times[pushed] == pytest.approx(float(followed.begin) * unit, abs=1e-9)
+    assert found.times[pushed] == pytest.approx(float(guidance.begin) * unit, abs=1e-9)
     q, omega = found.signals.quaternion[pushed], found.signals.omega[pushed]
-    planned = followed.plan.states[0]
+    planned = guidance.plan.states[0]
     np.testing.assert_allclose(q * np.sign(q @ planned[:4]), planned[:4], atol=1e-5)
     np.testing.assert_allclose(omega * unit, planned[4:], atol=5e-5)
 
@@ -97,7 +97,7 @@ def test_new_plans_on_the_way_where_the_model_is_wrong():
 
     found = flight(5.0, plant=other)
     once = flight(5.0, plant=other, replan=1e9)
-    assert float(found.final.memory.searched) > float(once.final.memory.followed.begin) / 2
+    assert float(found.final.memory.search_begin) > float(once.final.memory.guidance.begin) / 2
     assert found.final.memory.manoeuvres <= 1
     assert once.final.memory.manoeuvres > 1
     assert found.assessment.settled_from < 1.5 * LEAST_TIMES[5.0]
@@ -125,20 +125,20 @@ def test_what_begins_a_new_plan():
 
     t, here = jnp.array(100.0), run.start
     now = t / unit
-    first = law.init(here)._replace(searched=0 * now)
+    first = law.init(here)._replace(search_begin=0 * now)
     samples = jnp.array(round(float(t / law.settling.period)))
     first = first._replace(settling=first.settling._replace(samples=samples))
     assert 0.2 * unit < 1.2 < law.search.most_closing_pieces * 0.5 < 3.0
 
     def following(rest, **changes):
-        plan = first.followed.plan._replace(duration=1 + rest / unit)
-        followed = first.followed._replace(plan=plan, begin=now - 1)
-        known = first._replace(stage=jnp.array(PlannedMode.FOLLOWING), followed=followed)
+        plan = first.guidance.plan._replace(duration=1 + rest / unit)
+        guidance = first.guidance._replace(plan=plan, begin=now - 1)
+        known = first._replace(stage=jnp.array(PlannedMode.FOLLOWING), guidance=guidance)
         return step(t, here, known._replace(**changes))[1]
 
     # in 1.2 s, more than 0.2 τ, no search would come to an end: four periods
-    assert following(3.0).searched == pytest.approx(float(now))
-    assert following(1.2).searched == 0
+    assert following(3.0).search_begin == pytest.approx(float(now))
+    assert following(1.2).search_begin == 0
     for made in (0, MOST_MANOEUVRES - 1):
         after = following(-0.1, manoeuvres=jnp.array(made))
         assert after.stage == PlannedMode.PLANNING

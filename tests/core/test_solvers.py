@@ -23,14 +23,14 @@ def test_every_name_of_a_scenario_is_a_solver_of_diffrax():
 @pytest.mark.parametrize("name", SOLVERS)
 def test_tableaus_of_names_are_those_of_diffrax(name):
     """Bit for bit, with the order and, where diffrax has them, coefficients of the dense output."""
-    found, own = (tableau_of(one) for one in (NamedSolver(name), NamedSolver(name).made()))
-    assert found.order == own.order == int(NamedSolver(name).made().order(None))
+    found, own = (tableau_of(one) for one in (NamedSolver(name), NamedSolver(name).instance()))
+    assert found.order == own.order == int(NamedSolver(name).instance().order(None))
     assert len(found.a_lower) == len(own.a_lower) == len(found.c)
     pairs = [*zip(found.a_lower, own.a_lower, strict=True), (found.c, own.c)]
     pairs += [(found.b_sol, own.b_sol), (found.b_error, own.b_error)]
     assert (found.dense is None) == (name not in ("tsit5", "dopri5", "dopri8"))
     if name in ("dopri5", "dopri8"):
-        kind = NamedSolver(name).made().interpolation_cls
+        kind = NamedSolver(name).instance().interpolation_cls
         pairs.append((found.dense, kind.c_mid if name == "dopri5" else kind.eval_coeffs))
     for one, other in pairs:
         assert (one.dtype, one.shape) == (other.dtype, other.shape)

@@ -75,7 +75,7 @@ def test_a_torque_that_no_dipole_makes_is_not_missed():
     field = np.asarray(steering.field.in_body(t, state.attitude))
     columns = 1e5 * np.cross(np.asarray(steering.axes).T, field).T
     fit = columns @ np.linalg.lstsq(columns, torque, rcond=1e-9)[0]
-    np.testing.assert_allclose(shares.left, fit, atol=1e-12)
+    np.testing.assert_allclose(shares.remainder, fit, atol=1e-12)
     assert 0.1 < np.linalg.norm(fit) < 0.99 * np.linalg.norm(torque)
 
 
@@ -98,7 +98,7 @@ def test_beside_wheels_only_what_is_beyond_the_limits_is_missed():
         asked = normal * (normal @ torque) - 2e-3 * np.asarray(steering.excess(state))
         fit = asked - field * (field @ asked) / (field @ field)  # three rods make it all
         lack = normal * (normal @ (fit - columns @ np.asarray(dipoles)))
-        np.testing.assert_allclose(shares.left, lack, atol=1e-9 * size)
+        np.testing.assert_allclose(shares.remainder, lack, atol=1e-9 * size)
         assert (np.linalg.norm(lack) > 0.1 * size) == saturates
         assert abs(normal @ field) < 0.99 * np.linalg.norm(field)
 

@@ -387,7 +387,7 @@ def test_devices_just_at_their_bounds_have_the_derivative_of_both_sides():
     axes = np.array([[1.0, 0, -1, 0], [0, 1, 0, -1], [1, 1, 1, 1]]) / np.sqrt(2)
     reach = Reach(jnp.asarray(axes), -jnp.ones(4), jnp.ones(4))
     allocation = jax.jit(lambda torque: allocate(reach, torque))
-    largest = allocation(jnp.array([9.0, 0.0, 0.0])).made[0]
+    largest = allocation(jnp.array([9.0, 0.0, 0.0])).torque[0]
 
     def use(angle):
         return allocation(largest * jnp.array([1.0, angle, 0.3 * angle])).use

@@ -35,7 +35,7 @@ def torque_of(wheels, momentum, command):
     mode = wheels.mode(state)
     for _ in range(wheels.mode_passes):
         mode = wheels.mode_after(mode, state, command, even)
-    return wheels.made(wheels.piece(mode, command), state, even)
+    return wheels.axis_torque(wheels.piece(mode, command), state, even)
 
 
 def followed(h, command, period, given):

@@ -126,7 +126,7 @@ def _python_function(b: Builder, inner, arrays: Sequence[Elements], folded: Sequ
             own[index] = array[index] if fold else _argument(b, array[index])
         inside.append(own)
     body = Builder(like=b)
-    body.given = set(numbers_of(scalars_of(inside)))
+    body.parameters = set(numbers_of(scalars_of(inside)))
     with b.at(()):
         results = lower(body, inner, inside)
     places = {x.number: i for i, x in enumerate(scalars_of(inside)) if isinstance(x, Value)}

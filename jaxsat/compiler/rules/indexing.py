@@ -48,7 +48,9 @@ def stored(b: Builder, elements: np.ndarray) -> Memory:
 
 def is_given(b: Builder, x: Elements) -> bool:
     """Whether an array is an argument of a function in a compact program, where it is read."""
-    return bool(b.given) and all(isinstance(y, Value) and y.number in b.given for y in x.flat)
+    return bool(b.parameters) and all(
+        isinstance(y, Value) and y.number in b.parameters for y in x.flat
+    )
 
 
 def element(b: Builder, elements: Sequence[Scalar], index: Scalar) -> Scalar:

@@ -215,5 +215,5 @@ def moved_multipliers(
     falling = 2 * (place * change) @ BALLS
     step = mu / slack - multipliers + multipliers / slack * falling
     centred = mu / slacks(stepped(place, change, primal))
-    moved = stepped(multipliers, step, dual)
-    return jnp.clip(moved, centred / LEAVING, centred * LEAVING)
+    after = stepped(multipliers, step, dual)
+    return jnp.clip(after, centred / LEAVING, centred * LEAVING)

@@ -87,22 +87,22 @@ def guess(
 
 
 def resampled(
-    program: Transcription, x: Float[Array, "7"], plan: Unknowns, passed: RealScalar
+    program: Transcription, x: Float[Array, "7"], plan: Unknowns, elapsed: RealScalar
 ) -> Unknowns:
-    """The rest of a plan after the time `passed`, on this program's intervals, beginning at `x`.
+    """The rest of a plan after the time `elapsed`, on this program's intervals, beginning at `x`.
 
     A plan of least time keeps at least `LEAST_REST`; a given duration is unchanged.
     """
-    count, rest = plan.torque.shape[0], plan.duration - passed
+    count, rest = plan.torque.shape[0], plan.duration - elapsed
     if program.objective is PlanObjective.TIME:
         rest = jnp.maximum(rest, LEAST_REST)
     following = jnp.concatenate([plan.states[1:], plan.last[None]])
 
     def interval(share: RealScalar):
-        place = (passed + share * rest) / plan.duration * count
+        place = (elapsed + share * rest) / plan.duration * count
         number = jnp.clip(place.astype(int), 0, count - 1)
         part = jnp.clip(place - number.astype(place.dtype), 0.0, 1.0)
-        middle = (passed + (share + 0.5 / program.intervals) * rest) / plan.duration * count
+        middle = (elapsed + (share + 0.5 / program.intervals) * rest) / plan.duration * count
         torque = plan.torque[jnp.clip(middle.astype(int), 0, count - 1)]
         return plan.states[number] * (1 - part) + following[number] * part, torque
 

@@ -187,10 +187,10 @@ def iterated(program: Transcription, begin: RealScalar, at: Iterate, settings: S
 def _end_multipliers(
     at: Iterate, change: Unknowns, length: RealScalar, dual: RealScalar
 ) -> Vector | None:
-    place, moved = at.unknowns.place, change.place
-    if place is None or moved is None or at.end_multipliers is None:
+    place, change_of_place = at.unknowns.place, change.place
+    if place is None or change_of_place is None or at.end_multipliers is None:
         return None
-    return moved_multipliers(place, at.end_multipliers, moved, length, dual, at.barrier)
+    return moved_multipliers(place, at.end_multipliers, change_of_place, length, dual, at.barrier)
 
 
 def _scale(program: Transcription, at: Iterate) -> RealScalar:

@@ -72,8 +72,8 @@ class Plan(NamedTuple):
         """The thrusters' torques at time `t` (s), N m; zero before and after the plan."""
         count = self.torque.shape[0]
         place = (t - self.begin) / self.duration * count
-        held = self.torque[jnp.clip(place.astype(int), 0, count - 1)]
-        return jnp.where((place >= 0) & (place < count), held, 0.0)
+        torque = self.torque[jnp.clip(place.astype(int), 0, count - 1)]
+        return jnp.where((place >= 0) & (place < count), torque, 0.0)
 
 
 class Planner(eqx.Module):
@@ -175,10 +175,10 @@ class Planner(eqx.Module):
         def better(best, numbers):
             solution = solve(coarse, begin, guess(coarse, x, numbers, scaled), ROUGH)
             worth = worth_of(coarse, x, solution)
-            improved = worth < best[0]
+            improves = worth < best[0]
             new = (worth, solution.unknowns)
-            chosen = choose(improved, new, best[:2])
-            return (*chosen, best[2] + solution.iterations), None
+            best_two = choose(improves, new, best[:2])
+            return (*best_two, best[2] + solution.iterations), None
 
         numbers = {key: jnp.asarray(value) for key, value in random_numbers(self.guesses).items()}
         nothing = guess(coarse, x, {key: value[0] for key, value in numbers.items()}, scaled)

@@ -63,15 +63,15 @@ def solved(matrix: Float[Array, "m m"], right: Float[Array, "m k"]) -> Float[Arr
     size = matrix.shape[0]
     rows, factors = [], []
     for i in range(size):
-        left: list[Array] = []
+        row_before: list[Array] = []
         for j in range(i):
-            left.append((matrix[i, j] - _product(left, factors[j])) * factors[j][j])
-        inverse = 1 / jnp.sqrt(matrix[i, i] - _product(left, left))
+            row_before.append((matrix[i, j] - _product(row_before, factors[j])) * factors[j][j])
+        inverse = 1 / jnp.sqrt(matrix[i, i] - _product(row_before, row_before))
         row = right[i]
         for j in range(i):
-            row = row - left[j] * rows[j]
+            row = row - row_before[j] * rows[j]
         rows.append(row * inverse)
-        factors.append([*left, inverse])
+        factors.append([*row_before, inverse])
     for i in reversed(range(size)):
         for j in range(i + 1, size):
             rows[i] = rows[i] - factors[j][i] * rows[j]
@@ -91,12 +91,12 @@ def newton_step(
     terms: QuadraticTerms,
 ) -> NewtonStep:
     """The step from some unknowns, for a plan that begins at the time `begin`."""
-    missed = program.missed(at)
+    miss = program.missed(at)
     by_state = jax.jacfwd(program.arrival)(at.last)
-    extended = jnp.concatenate([by_state, jnp.zeros((len(missed), 1))], axis=1)
+    jacobian = jnp.concatenate([by_state, jnp.zeros((len(miss), 1))], axis=1)
     weight, multipliers = _arrival_terms(arrival_multipliers, terms.end)
-    hessian = extended.T @ weight @ extended
-    gradient = extended.T @ (multipliers + weight @ missed)
+    hessian = jacobian.T @ weight @ jacobian
+    gradient = jacobian.T @ (multipliers + weight @ miss)
     (hessian, gradient), stages = _backward(program, begin, at, terms, (hessian, gradient))
     curvature = hessian[STATES, STATES] + terms.duration_curvature
     curvature = curvature + DURATION_PROXIMITY * terms.proximity
@@ -109,7 +109,7 @@ def newton_step(
         return after, (before, torque)
 
     last, (states, torque) = lax.scan(forward, jnp.zeros(STATES), stages)
-    still_missed = missed + by_state @ last
+    still_missed = miss + by_state @ last
     multipliers = multipliers + weight @ still_missed
     place = _place_change(arrival_multipliers, still_missed, terms.end)
 
@@ -138,11 +138,11 @@ def _arrival_terms(multipliers: Float[Array, "6"], end: EndTerms | None):
 
 
 def _place_change(
-    multipliers: Float[Array, "6"], missed: Float[Array, "6"], end: EndTerms | None
+    multipliers: Float[Array, "6"], miss: Float[Array, "6"], end: EndTerms | None
 ) -> Float[Array, "6"] | None:
     if end is None:
         return None
-    pull = end.radii * (multipliers + ARRIVAL_WEIGHT * missed) - end.gradient
+    pull = end.radii * (multipliers + ARRIVAL_WEIGHT * miss) - end.gradient
     return solved(_place_curvature(end), pull[:, None])[:, 0]
 
 
@@ -158,20 +158,20 @@ def _backward(program: Transcription, begin: RealScalar, at: Unknowns, terms: Qu
     def backward(carry, inputs):
         (hessian, gradient), after = carry
         number, x, u, curvature, slope = inputs
-        reached, by_state, by_torque = program.linearised(begin, number, x, at.duration, u)
+        end_state, by_state, by_torque = program.linearised(begin, number, x, at.duration, u)
         a = jnp.concatenate([by_state, still])
         b = jnp.concatenate([by_torque, jnp.zeros((1, m))])
-        defect = reached - after
+        defect = end_state - after
         weighted = hessian @ b
-        expected = hessian[:, :STATES] @ defect + gradient
+        slope_after = hessian[:, :STATES] @ defect + gradient
         own = b.T @ weighted + jnp.diag(curvature + terms.proximity)
-        mixed = weighted.T @ a
-        pull = slope + b.T @ expected
-        response = solved(own, jnp.concatenate([mixed, pull[:, None]], axis=1))
+        cross = weighted.T @ a
+        pull = slope + b.T @ slope_after
+        response = solved(own, jnp.concatenate([cross, pull[:, None]], axis=1))
         feedback, feedforward = -response[:, :-1], -response[:, -1]
-        before = a.T @ hessian @ a + mixed.T @ feedback
+        before = a.T @ hessian @ a + cross.T @ feedback
         before = (before + before.T) / 2
-        to_go = (before, a.T @ expected + mixed.T @ feedforward)
+        to_go = (before, a.T @ slope_after + cross.T @ feedforward)
         return (to_go, x), _Stage(by_state, by_torque, defect, feedback, feedforward)
 
     rows = (program.numbers(at), at.states, at.torque, terms.curvature, terms.gradient)

@@ -109,10 +109,10 @@ class PlanSearch(eqx.Module):
         begin: RealScalar,
         x: Float[Array, "7"],
         plan: Unknowns,
-        passed: RealScalar,
+        elapsed: RealScalar,
     ) -> Search:
-        """A search from the rest of a `plan`, after the time `passed` of it."""
-        best = resampled(program, in_hemisphere_of(plan.states[0], x), plan, passed)
+        """A search from the rest of a `plan`, after the time `elapsed` of it."""
+        best = resampled(program, in_hemisphere_of(plan.states[0], x), plan, elapsed)
         stage, yes = jnp.full_like(search.stage, self.guesses), jnp.array(True)
         of_plan = {"best": best, "begin": begin, "start": best.states[0]}
         return search._replace(stage=stage, fresh=yes, **of_plan, least=jnp.zeros_like(begin))
@@ -138,10 +138,8 @@ class PlanSearch(eqx.Module):
 
         def one(at: tuple[Search, Array]):
             search, count = at
-            chosen = lax.cond(
-                search.fresh, self._started, self._iterated, program, search, begin, x
-            )
-            return chosen, count + 1
+            after = lax.cond(search.fresh, self._started, self._iterated, program, search, begin, x)
+            return after, count + 1
 
         return lax.while_loop(under_way, one, (search, jnp.array(0)))[0]
 
@@ -152,14 +150,14 @@ class PlanSearch(eqx.Module):
 
     def _settings(self, search: Search) -> Settings:
         rough = search.stage < self.guesses
-        chosen = (jnp.where(rough, a, b) for a, b in zip(ROUGH, CLOSE, strict=True))
-        return Settings(*chosen)._replace(least_duration=search.least)
+        settings = (jnp.where(rough, a, b) for a, b in zip(ROUGH, CLOSE, strict=True))
+        return Settings(*settings)._replace(least_duration=search.least)
 
     def _started(self, program: Transcription, search: Search, begin, x) -> Search:
         rough = search.stage < self.guesses
         number = jnp.minimum(search.stage, self.guesses - 1)
-        guessed = self._guess(program, search.start, number)
-        first = choose(rough, guessed, search.best)
+        guess = self._guess(program, search.start, number)
+        first = choose(rough, guess, search.best)
         now = in_hemisphere_of(first.states[0], x)
         start = jnp.where(rough, search.start, now)
         first = first._replace(states=first.states.at[0].set(start))
@@ -187,8 +185,8 @@ def worth_of(program: Transcription, x: Float[Array, "7"], solution: Iterate) ->
     """Merit of a rough plan from `x`, to be minimised: the objective (τ), far above it for a plan
     that does not arrive, infinite for NaN."""
     defects = solution.defects
-    missed = jnp.sum(jnp.abs(program.arrival(x)))
-    credible = defects < jnp.minimum(CREDIBLE, CREDIBLE_SHARE * missed)
+    miss = jnp.sum(jnp.abs(program.arrival(x)))
+    credible = defects < jnp.minimum(CREDIBLE, CREDIBLE_SHARE * miss)
     worth = program.value(solution.unknowns) + jnp.where(credible, 0.0, UNSOUND * (1 + defects))
     return jnp.where(jnp.isfinite(worth), worth, jnp.inf)
 

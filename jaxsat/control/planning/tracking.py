@@ -15,7 +15,7 @@ WEIGHTS, LAST_WEIGHTS = (10.0,) * 4 + (2.0,) * 3, (100.0,) * 4 + (30.0,) * 3
 """Weights of the feedback, for (q, ω τ): along the plan, and at its end."""
 
 
-class Followed(NamedTuple):
+class Guidance(NamedTuple):
     """The tracked plan, the feedback along it, and its begin in units of τ."""
 
     plan: Unknowns
@@ -39,18 +39,18 @@ class PlanTable(NamedTuple):
     rate_gain: Float[Array, "n m 3"]
 
 
-def table_of(program: Transcription, followed: Followed) -> PlanTable:
+def table_of(program: Transcription, guidance: Guidance) -> PlanTable:
     """The table of a plan and its feedback, in SI units."""
-    (plan, gains, begin), unit = followed, program.time_unit
+    (plan, gains, begin), unit = guidance, program.time_unit
     attitude, rate = plan.states[:, :4], plan.states[:, 4:] / unit
     torque, gains = plan.torque * program.limit, gains * program.limit
     times = begin * unit, plan.duration * unit
     return PlanTable(*times, attitude, rate, torque, gains[..., :4], gains[..., 4:] * unit)
 
 
-def followed_if(
-    program: Transcription, new: BoolScalar, plan: Unknowns, begin: RealScalar, old: Followed
-) -> Followed:
+def guidance_if(
+    program: Transcription, new: BoolScalar, plan: Unknowns, begin: RealScalar, old: Guidance
+) -> Guidance:
     """A `new` plan with its feedback, or the `old` one.
 
     A loop of at most one pass: a batch computes gains only when some of its cases need them.
@@ -58,7 +58,7 @@ def followed_if(
 
     def turn(at):
         gains = tracking_gains(program, begin, plan, jnp.array(WEIGHTS), jnp.array(LAST_WEIGHTS))
-        return Followed(plan, gains, begin), at[1] + 1
+        return Guidance(plan, gains, begin), at[1] + 1
 
     return lax.while_loop(lambda at: (at[1] < 1) & new, turn, (old, jnp.array(0)))[0]
 
@@ -67,14 +67,14 @@ def following_torque(
     program: Transcription,
     now: RealScalar,
     x: Float[Array, "7"],
-    followed: Followed,
+    guidance: Guidance,
     period: RealScalar,
 ) -> Float[Array, " m"]:
     """The torque over the next `period` that tracks a plan, all dimensionless.
 
     Zero before the plan's begin; it may exceed the limits.
     """
-    plan, begin, gains = followed.plan, followed.begin, followed.gains
+    plan, begin, gains = guidance.plan, guidance.begin, guidance.gains
     elapsed = now - begin
     target = planned_state(program, begin, plan, elapsed)
     error = in_hemisphere_of(target, x) - target
@@ -103,9 +103,9 @@ def tracking_gains(
         a = by_state[:, :STATES]
         weighted = to_go @ b
         own = b.T @ weighted + length * jnp.eye(u.shape[0])
-        mixed = weighted.T @ a
-        gain = -solved(own, mixed)
-        before = a.T @ to_go @ a + mixed.T @ gain + length * jnp.diag(weights)
+        cross = weighted.T @ a
+        gain = -solved(own, cross)
+        before = a.T @ to_go @ a + cross.T @ gain + length * jnp.diag(weights)
         return (before + before.T) / 2, gain
 
     rows = (program.numbers(plan), plan.states, plan.torque)

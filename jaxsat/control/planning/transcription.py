@@ -193,15 +193,15 @@ class Transcription(eqx.Module):
         """Σ|x_(k+1) - f(x_k, u_k)| + |arrival|₁: zero where the plan can be flown."""
 
         def one(carry, row):
-            total, reached = carry
+            total, end_state = carry
             number, x, u = row
-            total = total + jnp.sum(jnp.abs(x - reached))
+            total = total + jnp.sum(jnp.abs(x - end_state))
             return (total, self.interval(begin, number, x, at.duration, u)), None
 
         first = (jnp.sum(jnp.abs(self.missed(at))), at.states[0])
         rows = (self.numbers(at), at.states, at.torque)
-        (total, reached), _ = lax.scan(one, first, rows)
-        return total + jnp.sum(jnp.abs(at.last - reached))
+        (total, end_state), _ = lax.scan(one, first, rows)
+        return total + jnp.sum(jnp.abs(at.last - end_state))
 
     def effort(self, at: "Unknowns") -> RealScalar:
         """The effort ∫ Σ|u| dt of a plan, dimensionless."""

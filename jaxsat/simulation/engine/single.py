@@ -133,12 +133,12 @@ def _remark(forced: int, trajectory: Trajectory, finer: Trajectory) -> str:
     rates, before = (np.asarray(one.signals.omega) for one in (finer, trajectory))
     difference = np.abs(rates - before).max(axis=1)
     remark = f"{cause}; tolerances and smallest step are divided by ten, which changes "
-    parted = difference > PARTED * np.nanmax(np.abs(rates))
-    if not parted.any():
+    differs = difference > PARTED * np.nanmax(np.abs(rates))
+    if not differs.any():
         return f"{remark}the rates by at most {np.nanmax(difference):.1g} rad/s"
     return (
         f"{remark}the rates by up to {np.nanmax(difference):.1g} rad/s from "
-        f"{trajectory.times[parted.argmax()]:g} s on: do not rely on single values after that"
+        f"{trajectory.times[differs.argmax()]:g} s on: do not rely on single values after that"
     )
 
 

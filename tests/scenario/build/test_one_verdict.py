@@ -104,8 +104,8 @@ def test_wheels_and_thrusters_fly_axes_that_only_both_make(tmp_path):
     uses = dict(zip((one.kind for one in effectors), shares.uses, strict=True))
     np.testing.assert_allclose(np.cross(uses["thruster"], jet), 0, atol=1e-9)
     np.testing.assert_allclose(uses["wheel"] @ np.eye(2, 3) + uses["thruster"], command, atol=1e-9)
-    assert shares.left is not None
-    np.testing.assert_allclose(shares.left, 0, atol=1e-9)
+    assert shares.remainder is not None
+    np.testing.assert_allclose(shares.remainder, 0, atol=1e-9)
     alone = "thrusters that the law can use with the wheels.* a torque along \\[0.0, 1.0, 0.0\\]"
     with pytest.raises(ScenarioError, match=alone):
         load(_file(tmp_path, BOTH, INERTIA, tables[0], SKEW_JET))
