@@ -11,8 +11,9 @@ from jaxsat.controllability.actuators import ActuatorSet, actuator_set
 from jaxsat.controllability.judgement import Judgement
 from jaxsat.controllability.judging import actuator_layout, judge_once_stopped, judge_only
 from jaxsat.controllability.layout import TOLERANCE, Numbers
+from jaxsat.controllability.rod_wording import rod_torques
 from jaxsat.controllability.rods import RodSet, judge_with_rods
-from jaxsat.controllability.wording import both_signs_by, lost_words, rod_torques
+from jaxsat.controllability.wording import both_signs_by, lost_words
 from jaxsat.core.text import csv_text, number_text
 
 MOST_SUBSETS = 1 << 14

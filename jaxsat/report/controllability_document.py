@@ -14,11 +14,11 @@ from jaxsat.controllability.judgement import CONTROLLABLE, Judgement
 from jaxsat.controllability.linear import gramian_time_scales
 from jaxsat.controllability.net_forces import net_force, net_force_words
 from jaxsat.controllability.rank import Analysis, analyse
+from jaxsat.controllability.rod_wording import rod_torques
 from jaxsat.controllability.wording import (
     cone_words,
     momentum_words,
     once_stopped_words,
-    rod_torques,
     verdict_sentence,
 )
 from jaxsat.core.text import clean, number_text

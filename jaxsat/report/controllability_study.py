@@ -6,18 +6,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.control.magnetic import magnetic_motion
 from jaxsat.controllability.drift import energy_bound, energy_counterexample, recurrence
 from jaxsat.controllability.failures import FailureCase, failure_csv, failure_records, failure_table
 from jaxsat.controllability.judgement import Judgement
 from jaxsat.controllability.judging import judge_once_stopped
 from jaxsat.controllability.lie import DriftField, pack
-from jaxsat.controllability.magnetic import (
-    MagneticAuthority,
-    magnetic_authority,
-    magnetic_law_words,
-    magnetic_words,
-)
 from jaxsat.controllability.maps import (
     angle_grid,
     margins_over_angles,
@@ -26,7 +19,7 @@ from jaxsat.controllability.maps import (
     uncontrollable_single_directions,
 )
 from jaxsat.controllability.rank import Analysis, analyse
-from jaxsat.controllability.rods import RodSet, judge_with_rods
+from jaxsat.controllability.rods import judge_with_rods
 from jaxsat.controllability.torque_ranges import stuck_on_words
 from jaxsat.controllability.wording import verdict_sentence
 from jaxsat.core.declaration.actuators import ACTUATORS, PASSIVE
@@ -37,8 +30,8 @@ from jaxsat.report.controllability_document import (
 )
 from jaxsat.report.document import Document
 from jaxsat.report.printers import markdown_page
+from jaxsat.report.rod_findings import magnetic_lines, stuck_rod_words
 from jaxsat.report.saving import save_figures
-from jaxsat.report.stuck_rods import stuck_rod_words
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.actuator_set import (
     all_actuators,
@@ -46,11 +39,8 @@ from jaxsat.scenario.build.actuator_set import (
     gyro_cluster,
     judge_scenario,
 )
-from jaxsat.scenario.build.actuators import magnetic_context
 from jaxsat.scenario.build.balance import held_with_momentum, undriven_balance
 from jaxsat.scenario.build.plant import build_plant, orbit_rate
-from jaxsat.scenario.parts.wheels import inertia_of
-from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.store.folder import OutputFolder
 
 if TYPE_CHECKING:
@@ -156,7 +146,7 @@ def controllability_study(
     lines += [] if balance is None else [" ".join(balance.lines())]
     holding = held_with_momentum(scenario, judgement)
     lines += [] if holding is None else [holding]
-    lines += [*_magnetic_lines(scenario), *([] if gyros is None else gyros.lines())]
+    lines += [*magnetic_lines(scenario), *([] if gyros is None else gyros.lines())]
     if len(cases[0].working) > MAX_ACTUATORS:
         lines.append(f"More than {MAX_ACTUATORS} actuators: only single and double failures")
     if passive := [f"{one.called}s" for one in PASSIVE if getattr(scenario, one.name)]:
@@ -199,52 +189,6 @@ def _analyse(
         rods=rods,
     )
     return judgement, analysis, cases
-
-
-def _magnetic_authority(
-    scenario: Scenario, rods: RodSet, places: list[int]
-) -> MagneticAuthority | None:
-    """The authority of the magnetorquers of these places about rest near the orbit frame; None
-    where there is none."""
-    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
-    rest = rods.rest(places, inertia, np.zeros(3), np.zeros((3, 0)))
-    if rest is None:
-        return None
-    axes, limits = rods.axes[:, places], rods.limits[places]
-    return magnetic_authority(inertia, axes, limits, rods.field, rest.to_body)
-
-
-def _magnetic_lines(scenario: Scenario) -> list[str]:
-    rods, places = all_rods(scenario)
-    if rods is None:
-        return []
-    if not places:
-        return ["Magnetorquers: all have failed"]
-    authority = _magnetic_authority(scenario, rods, places)
-    if authority is None:
-        return [
-            "Magnetorquers: not analysed. The analysis linearises about rest, and no attitude near "
-            "the orbit frame is an equilibrium of this body, or one that they hold"
-        ]
-    actuators, others = all_actuators(scenario)
-    healthy = actuators.only(others)
-    sizes = np.linalg.norm(healthy.torques, axis=0) if scenario.thruster else np.zeros(0)
-    words = magnetic_words(authority, sizes.max(initial=0.0), bool(healthy.wheels))
-    return [*words, *_magnetic_law(scenario)]
-
-
-def _magnetic_law(scenario: Scenario) -> list[str]:
-    """Describe the law of magnetorquers for small errors, where it flies."""
-    context = magnetic_context(scenario)
-    if scenario.control.law != "magnetic" or context is None:
-        return []
-    motion = magnetic_motion(
-        inertia_of(scenario),
-        context,
-        scenario.disturbance.gravity_gradient,
-    )
-    control = scenario.control
-    return [magnetic_law_words(motion, control.control_weight, control.wheel_weight)]
 
 
 def _follow_drift(scenario: Scenario) -> tuple[list[str], dict[str, tuple[Any, ...]]]:

@@ -17,8 +17,8 @@ from jaxsat.store.marker import (
     foreign_files_in,
     nothing,
     remove_folder,
-    walk,
 )
+from jaxsat.store.system_files import walk
 from jaxsat.store.temporary import TemporaryFolder, temporary_folder
 
 

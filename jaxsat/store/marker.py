@@ -8,10 +8,9 @@ replaced or removed.
 
 import json
 import os
-import re
 import stat
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +25,7 @@ from jaxsat.store.files import (
     read_or_explain,
     write_file,
 )
+from jaxsat.store.system_files import is_of_system, user_files_in, walk
 
 MARKER = ".jaxsat"
 """File that marks a folder as written by jaxsat."""
@@ -35,21 +35,6 @@ FORMAT = 2
 EARLIER = b'"written_by"'
 """Text in markers of format 1 and in no later one; files beside one are read unverified."""
 
-SYSTEM_FILES = frozenset(
-    {".ds_store", ".localized", "icon\r", "thumbs.db", "ehthumbs.db", "desktop.ini", ".directory"}
-)
-"""Files, in lower case, that file managers leave in folders that they open, without user data."""
-
-SYSTEM_FOLDERS = frozenset({"__MACOSX", ".AppleDouble", "@eaDir"})
-"""Folders for such files, by archives of macOS, its file servers and those of Synology."""
-
-SYNOLOGY = re.compile(r"SYNO.*|.*@Syno\w+")
-"""Names of pictures and attributes that a Synology server keeps in `@eaDir`."""
-
-APPLE_DOUBLE = b"\x00\x05\x16\x07"
-"""First bytes of a file with macOS metadata that another file system cannot hold: `._NAME`, or any
-name in a folder for such files."""
-
 
 NameTest = Callable[[str], bool]
 """Whether a file or folder of this name is built from jaxsat's files."""
@@ -58,25 +43,6 @@ NameTest = Callable[[str], bool]
 def nothing(name: str) -> bool:
     """Return false: no name is that of a build product."""
     return False
-
-
-def _is_of_system(folder: Path, name: str, mode: int) -> bool:
-    """Whether a file or folder of this name within `folder` is a system's own.
-
-    Raises `OSError`.
-    """
-    *parents, last = name.split("/")
-    systems = SYSTEM_FOLDERS.intersection(parents)
-    if stat.S_ISDIR(mode):
-        return bool(systems) or last in SYSTEM_FOLDERS
-    if not stat.S_ISREG(mode):
-        return False
-    if last.lower() in SYSTEM_FILES or ("@eaDir" in systems and SYNOLOGY.fullmatch(last)):
-        return True
-    if not systems and not last.startswith("._"):
-        return False
-    with (folder / name).open("rb") as file:
-        return file.read(len(APPLE_DOUBLE)) == APPLE_DOUBLE
 
 
 def _is_plain(mode: int) -> bool:
@@ -189,7 +155,7 @@ class Marker:
                 ours = ours or (name in self._hashes and self.is_unchanged(name))
             else:
                 ours = stat.S_ISDIR(mode) and name in folders
-            ours = ours or _is_of_system(self.folder, name, mode)
+            ours = ours or is_of_system(self.folder, name, mode)
             if not ours and not (_is_plain(mode) and is_made_of_it(name)):
                 foreign.append(name)
         return sorted(foreign)
@@ -288,21 +254,6 @@ def is_verified(path: Path, data: bytes | None) -> bool:
     return True
 
 
-def walk(folder: Path, within: str = "") -> Iterator[tuple[str, int]]:
-    """Yield path and mode of everything in a folder, parents first, without following links.
-
-    Raises `OSError`.
-    """
-    with os.scandir(folder / within) as entries:
-        sorted_entries = sorted(entries, key=lambda entry: entry.name)
-    for entry in sorted_entries:
-        name = f"{within}{entry.name}"
-        mode = entry.stat(follow_symlinks=False).st_mode
-        yield name, mode
-        if stat.S_ISDIR(mode):
-            yield from walk(folder, f"{name}/")
-
-
 def foreign_files_in(folder: Path, is_made_of_it: NameTest = nothing) -> list[str]:
     """Return the names in a folder not proven to be jaxsat's: without a marker all user files.
 
@@ -310,21 +261,6 @@ def foreign_files_in(folder: Path, is_made_of_it: NameTest = nothing) -> list[st
     """
     marker = Marker.read(folder)
     return user_files_in(folder) if marker is None else marker.foreign_files(is_made_of_it)
-
-
-def user_files_in(folder: Path, within: str = "") -> list[str]:
-    """Return the names in a folder except a system's own files; raises `OSError`."""
-    user_files = []
-    with os.scandir(folder / within) as entries:
-        names = sorted(
-            (f"{within}{one.name}", one.stat(follow_symlinks=False).st_mode) for one in entries
-        )
-    for name, mode in names:
-        if not _is_of_system(folder, name, mode):
-            user_files.append(name)
-        elif stat.S_ISDIR(mode):
-            user_files += user_files_in(folder, f"{name}/")
-    return user_files
 
 
 def remove_folder(folder: Path, is_made_of_it: NameTest = nothing) -> list[str]:

@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from jaxsat.store.files import OutputError, explained, sync_files, sync_folder
-from jaxsat.store.marker import MARKER, Marker, remove_folder, user_files_in
+from jaxsat.store.marker import MARKER, Marker, remove_folder
+from jaxsat.store.system_files import user_files_in
 
 
 def lock_folder(path: Path) -> contextlib.ExitStack:

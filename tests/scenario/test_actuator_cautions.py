@@ -10,11 +10,11 @@ from scipy.spatial.transform import Rotation
 
 from jaxsat.core.attitude import Quaternion
 from jaxsat.scenario import ScenarioWarning
-from jaxsat.scenario.actuator_cautions import _body_axes, _largest_load, _momenta_to_hold
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.idle_actuators import columns_in_use
 from jaxsat.scenario.tables import InitialTable
+from jaxsat.scenario.wheel_loads import _body_axes, _momenta_to_hold, largest_load
 
 WHEELS = [[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]]
 
@@ -75,11 +75,11 @@ def test_wheels_hold_what_a_linear_programme_holds(seed):
         b_eq=np.zeros(3),
         bounds=[*zip(-limit, limit, strict=True), (0, None)],
     ).x[-1]
-    assert _largest_load(axes, -limit, limit, momentum)[0] == pytest.approx(1 / most, rel=1e-9)
+    assert largest_load(axes, -limit, limit, momentum)[0] == pytest.approx(1 / most, rel=1e-9)
 
 
 def test_wheels_in_a_plane_hold_nothing_across_it():
-    share, direction = _largest_load(
+    share, direction = largest_load(
         np.eye(3)[:, :2], -np.ones(2), np.ones(2), np.array([0.1, 0.1, 0.5])
     )
     assert share > 1e6

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jaxsat.core.tolerances import Tolerances
-from jaxsat.report.stuck_rods import stuck_rod_words
+from jaxsat.report.rod_findings import stuck_rod_words
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.actuator_set import judge_scenario
 from jaxsat.scenario.build.load import load

@@ -22,13 +22,13 @@ from jaxsat.core.attitude import DCM
 from jaxsat.core.checks import as_float
 from jaxsat.core.earth import EARTH_GRAVITY
 from jaxsat.core.text import number_text
-from jaxsat.scenario.actuator_cautions import fills_wheels, into_frame, thrusters_take_momentum
 from jaxsat.scenario.build.actuator_set import all_actuators
 from jaxsat.scenario.build.plant import build_plant, orbit_rate, place_of
 from jaxsat.scenario.build.run import build_start
 from jaxsat.scenario.holding import missing_torque, nearest_balance, rotation
 from jaxsat.scenario.parts.torque_makers import TorqueMakers
 from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.wheel_loads import fills_wheels, into_frame, thrusters_take_momentum
 from jaxsat.spacecraft.dynamics import RigidBody
 from jaxsat.spacecraft.environment.disturbances import (
     AbstractDisturbance,

@@ -1,19 +1,29 @@
-"""What a magnetorquer stuck at its limit leaves, in words."""
+"""Findings on magnetorquers, in words: authority, law, and what one that is stuck leaves."""
 
 from typing import final
 
 import numpy as np
 
+from jaxsat.control.magnetic import magnetic_motion
 from jaxsat.controllability.judgement import Judgement
 from jaxsat.controllability.layout import TOLERANCE
+from jaxsat.controllability.magnetic import (
+    MagneticAuthority,
+    magnetic_authority,
+    magnetic_law_words,
+    magnetic_words,
+)
 from jaxsat.controllability.rods import RodSet, judge_with_rods
 from jaxsat.controllability.torque_ranges import torque_reserve
 from jaxsat.core.text import number_text
 from jaxsat.scenario import Scenario
-from jaxsat.scenario.build.actuator_set import all_rods
+from jaxsat.scenario.build.actuator_set import all_actuators, all_rods
+from jaxsat.scenario.build.actuators import magnetic_context
 from jaxsat.scenario.build.plant import build_plant
 from jaxsat.scenario.build.run import build_start
 from jaxsat.scenario.build.study import tolerances_of
+from jaxsat.scenario.parts.wheels import inertia_of
+from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.studies.momentum_left import Held
@@ -100,3 +110,50 @@ def _opposing(
         level = number_text(100 * min(most, 1.0), 2, scale=100.0)
         parts.append(f"{rods.names[place]} up to {level} %")
     return f"over an orbit the others oppose {', '.join(parts)} of it"
+
+
+def _magnetic_authority(
+    scenario: Scenario, rods: RodSet, places: list[int]
+) -> MagneticAuthority | None:
+    """The authority of the magnetorquers of these places about rest near the orbit frame; None
+    where there is none."""
+    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
+    rest = rods.rest(places, inertia, np.zeros(3), np.zeros((3, 0)))
+    if rest is None:
+        return None
+    axes, limits = rods.axes[:, places], rods.limits[places]
+    return magnetic_authority(inertia, axes, limits, rods.field, rest.to_body)
+
+
+def magnetic_lines(scenario: Scenario) -> list[str]:
+    """Return findings on the authority of the magnetorquers, and on their law where it flies."""
+    rods, places = all_rods(scenario)
+    if rods is None:
+        return []
+    if not places:
+        return ["Magnetorquers: all have failed"]
+    authority = _magnetic_authority(scenario, rods, places)
+    if authority is None:
+        return [
+            "Magnetorquers: not analysed. The analysis linearises about rest, and no attitude near "
+            "the orbit frame is an equilibrium of this body, or one that they hold"
+        ]
+    actuators, others = all_actuators(scenario)
+    healthy = actuators.only(others)
+    sizes = np.linalg.norm(healthy.torques, axis=0) if scenario.thruster else np.zeros(0)
+    words = magnetic_words(authority, sizes.max(initial=0.0), bool(healthy.wheels))
+    return [*words, *_magnetic_law(scenario)]
+
+
+def _magnetic_law(scenario: Scenario) -> list[str]:
+    """Describe the law of magnetorquers for small errors, where it flies."""
+    context = magnetic_context(scenario)
+    if scenario.control.law != "magnetic" or context is None:
+        return []
+    motion = magnetic_motion(
+        inertia_of(scenario),
+        context,
+        scenario.disturbance.gravity_gradient,
+    )
+    control = scenario.control
+    return [magnetic_law_words(motion, control.control_weight, control.wheel_weight)]
