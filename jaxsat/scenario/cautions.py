@@ -18,10 +18,10 @@ from jaxsat.scenario.actuator_cautions import actuator_cautions, torque_beyond_a
 from jaxsat.scenario.derived import believed_axes, is_upside_down, torque_limit
 from jaxsat.scenario.domain import believed_normal_form, domain_cautions
 from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.failure_cautions import failure_cautions
 from jaxsat.scenario.flexibility import flexibility_cautions
 from jaxsat.scenario.holding import nearest_held
 from jaxsat.scenario.parts.estimator import estimator_cautions
-from jaxsat.scenario.parts.failures import failure_cautions
 from jaxsat.scenario.parts.sensors import sensor_cautions
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.resolution import resolution_cautions

@@ -9,7 +9,7 @@ from jaxsat.core.declaration.gimbals import GimbalFailureKind
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.scenario.parts.failures import failure_cautions
+from jaxsat.scenario.failure_cautions import failure_cautions
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.gimbals import ControlMomentGyros, GimbalSteering, GyroStates
 from simulation.engine.examples import agreed

@@ -73,10 +73,6 @@ SLOW_LAWS: Mapping[str, str] = {
 RATE_SHARE, TILT_SHARE = 0.85, 0.5
 """Fractions of the settling tolerances of rate and tilt that a large end game uses."""
 
-POWERS = {"s": -1, "rad/s": 1, "1/s": 1, "N m s": 1, "N m": 2}
-"""Power of √torque by which a gain scales for the same motion in scaled time, by the gain's unit.
-"""
-
 
 @dataclass(frozen=True)
 class Candidate:
@@ -143,24 +139,6 @@ def written_out(scenario: Scenario) -> Scenario:
             value = np.asarray(number_at(controller, place))
             numbers[key] = float(value) if value.ndim == 0 else tuple(map(float, value))
     return scenario.with_keys("control", **numbers)
-
-
-def with_scaled_gains(scenario: Scenario, factor: float) -> dict[str, Any]:
-    """Return the `[control]` table for `factor` times the torque, with times over √factor."""
-    table = scenario.control.model_dump(exclude_none=True)
-    for key in scenario.law.declaration.keys:
-        power = POWERS.get(getattr(key, "unit", ""), 0)
-        value = table.get(key.name)
-        is_rate = key.name.endswith("_rad_s") and not key.name.startswith(("ripple", "holding"))
-        if value is None or not power or not (key.tunable or (is_rate and key.unit == "rad/s")):
-            continue
-        table[key.name] = times(value, math.sqrt(factor) ** power)
-    return table
-
-
-def times(value: Any, factor: float) -> Any:
-    """Scale a number, or each of a tuple."""
-    return tuple(factor * one for one in value) if isinstance(value, tuple) else factor * value
 
 
 def with_larger_end_game(candidate: Candidate) -> Candidate | None:

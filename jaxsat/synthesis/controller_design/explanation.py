@@ -1,21 +1,30 @@
 """Causes of failing cases: what separates them from others, and measured effects of changes."""
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from jaxsat.core.allocation import torque_directions
-from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS, OTHER_SENSORS
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.derived import believed_axes
 from jaxsat.scenario.parts.wheels import rotors
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.studies.ensemble import DRAWN
 from jaxsat.studies.sensitivities import Sensitivities, Sensitivity, numbers_of
-from jaxsat.synthesis.controller_design.candidates import Candidate, times, with_scaled_gains
+from jaxsat.synthesis.controller_design.candidates import Candidate
 from jaxsat.synthesis.controller_design.studies import Columns
-from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict, coupling, entries, turned
+from jaxsat.synthesis.controller_design.variants import (
+    DISTURBANCE,
+    DURATION,
+    NOISE,
+    entries,
+    multiplied,
+    narrowed,
+    stronger,
+    turned,
+)
+from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict, coupling
 
 MOST_FLOWN = 400
 """Largest number of failing cases that are flown again."""
@@ -98,53 +107,15 @@ def remedies(
     for name, key in (("inertia", "inertia"), ("thrust", "torque_gain"), ("axes", "misalignment")):
         table = getattr(scenario.dispersion, _key(key), None)
         if table is not None and table.distribution == "uniform":
-            yield f"half the error of the {name}", lambda key=key: _narrow(scenario, _key(key))
+            yield f"half the error of the {name}", lambda key=key: narrowed(scenario, _key(key))
             yield (
                 f"{TENTH} error of the {name}",
-                lambda key=key: _narrow(scenario, _key(key), 0.1),
+                lambda key=key: narrowed(scenario, _key(key), 0.1),
             )
     if verdict.turn is not None and any(verdict.turn) and not verdict.holds:
         yield "the nearest attitude that can be held", lambda: turned(scenario, verdict.turn or ())
     for other in others:
         yield f"the law {other.name}", lambda other=other: other.scenario
-
-
-TORQUES: Mapping[str, tuple[str, ...]] = {
-    "spacecraft": ("torque_limit_N_m",),
-    "thruster": ("force_N", "torque_N_m"),
-    "wheel": ("torque_limit_N_m",),
-}
-"""Keys of actuator torques, by table."""
-
-NOISE: Mapping[str, tuple[str, ...]] = {
-    "sampling": ("rate_noise_rad_s", "attitude_noise_rad"),
-    "gyro": ("noise_density_rad_s_sqrt_Hz", "bias_walk_rad_s2_sqrt_Hz", "bias_sigma_rad_s"),
-    **dict.fromkeys(
-        (*(one.name for one in ATTITUDE_SENSORS), OTHER_SENSORS),
-        ("across_rad", "along_rad", "noise_rad", "noise_T"),
-    ),
-}
-"""Keys of sensor noise, by table."""
-
-DISTURBANCE = {"disturbance": ("amplitude_N_m", "constant_N_m")}
-DURATION = {"simulation": ("duration_s",)}
-
-
-def stronger(scenario: Scenario, factor: float) -> Scenario:
-    """Return the scenario with `factor` times the torque of every actuator, and scaled gains."""
-    control = {"control": with_scaled_gains(scenario, factor)}
-    return multiplied(scenario, factor, TORQUES, **control)
-
-
-def multiplied(
-    scenario: Scenario, factor: float, keys: Mapping[str, tuple[str, ...]], **tables: Any
-) -> Scenario:
-    """Return the scenario with the numbers of `keys`, by table, times `factor`; `tables` replace
-    others."""
-    data = scenario.model_dump(exclude_none=True) | tables
-    for table, key in entries(data, keys):
-        table[key] = times(table[key], factor)
-    return Scenario.model_validate(data)
 
 
 def _has(scenario: Scenario, keys: Mapping[str, tuple[str, ...]]) -> bool:
@@ -155,20 +126,6 @@ def _has(scenario: Scenario, keys: Mapping[str, tuple[str, ...]]) -> bool:
 
 def _key(name: str) -> str:
     return "misalignment_rad" if name == "misalignment" else name
-
-
-def _narrow(scenario: Scenario, key: str, share: float = 0.5) -> Scenario:
-    """Narrow a uniform distribution about its middle by `share`; draws keep their places."""
-
-    def ends(low: Any, high: Any) -> tuple[Any, Any]:
-        first, last = np.asarray(low, float), np.asarray(high, float)
-        middle, half = (first + last) / 2, share * (last - first) / 2
-        return (middle - half).tolist(), (middle + half).tolist()
-
-    data = scenario.model_dump(exclude_none=True)
-    table = data["dispersion"][key]
-    table["low"], table["high"] = ends(table["low"], table["high"])
-    return Scenario.model_validate(data)
 
 
 def _separation(entry: Sensitivity, values: np.ndarray, settled: np.ndarray) -> Separation:

@@ -26,11 +26,11 @@ from jaxsat.synthesis.controller_design.request import DesignSettings
 from jaxsat.synthesis.controller_design.result import ControllerDesign, DesignVerification, Step
 from jaxsat.synthesis.controller_design.studies import Columns, Studies, first_answer, row_of
 from jaxsat.synthesis.controller_design.tuning import TUNED, Tuned, tune_candidate, tuning_table
+from jaxsat.synthesis.controller_design.variants import turned
 from jaxsat.synthesis.controller_design.vehicle import (
     Scale,
     VehicleVerdict,
     scale_of,
-    turned,
     vehicle_verdict,
 )
 

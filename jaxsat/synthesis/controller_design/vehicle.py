@@ -1,15 +1,10 @@
-"""Capability of a vehicle with failures: verdict, attitudes that it can hold, unit of time, period.
-
-`turned` is the same vehicle with another target attitude.
-"""
+"""Capability of a vehicle with failures: verdict, attitudes that it can hold, scale and period."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from jaxsat.control.what_is_left import LEFT
 from jaxsat.controllability.cone import ROUNDING
@@ -18,7 +13,6 @@ from jaxsat.controllability.wording import lost_words, verdict_sentence
 from jaxsat.core.allocation import torque_directions
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.laws import Law
-from jaxsat.core.declaration.sensors import ATTITUDE_SENSORS, OTHER_SENSORS
 from jaxsat.core.declaration.tuned_gains import STEPS
 from jaxsat.core.errors import JaxsatError
 from jaxsat.core.inertia import normal_axes
@@ -26,7 +20,6 @@ from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.actuator_set import judge_scenario
 from jaxsat.scenario.build.balance import turn_to_held, undriven_balance
 from jaxsat.scenario.build.plant import orbit_rate
-from jaxsat.scenario.build.run import build_start
 from jaxsat.scenario.cautions import HELD_TURN
 from jaxsat.scenario.control import known_law
 from jaxsat.scenario.derived import believed_axes, has_sensors, torque_limit
@@ -214,69 +207,6 @@ def _in_flight(scenario: Scenario) -> tuple[str, ...]:
         "them. The verdict and the laws are for the actuators that work at the start. To design "
         "for a known failure, give it as `failed`.",
     )
-
-
-VECTORS: Mapping[str, Sequence[str]] = {
-    "thruster": ("position_m", "direction", "torque_axis"),
-    "wheel": ("axis",),
-    "magnetorquer": ("axis",),
-    "disturbance": ("constant_N_m", "residual_dipole_A_m2", "drag_centre_m", "solar_centre_m"),
-    "panel": ("normal", "centre_m"),
-    **{one.name: ("boresight",) for one in ATTITUDE_SENSORS},
-    OTHER_SENSORS: ("boresight",),
-}
-"""Keys that hold a vector in body axes, by table."""
-
-
-def entries(
-    data: Mapping[str, Any], keys: Mapping[str, Sequence[str]]
-) -> Iterator[tuple[dict[str, Any], str]]:
-    """Yield each table of a dumped scenario that has one of these `keys`, with the key."""
-    for name, of_table in keys.items():
-        tables = data.get(name, ())
-        tables = [*tables.values()] if name == OTHER_SENSORS and tables else tables
-        for table in [tables] if isinstance(tables, dict) else tables:
-            yield from ((table, key) for key in of_table if table.get(key) is not None)
-
-
-def turned(scenario: Scenario, turn: Sequence[float]) -> Scenario:
-    """Return the scenario in body axes turned such that the attitude `turn` is the new target.
-
-    `turn` (rad) is the rotation vector from the orbit frame to that attitude. Vectors and inertia
-    are rotated; numbers of single axes (amplitudes of the periodic torque, dispersions) keep their
-    axis number.
-    """
-    from scipy.spatial.transform import Rotation  # slow to import, and seldom needed
-
-    back = Rotation.from_rotvec(np.asarray(turn, float)).as_matrix()  # of vectors in body axes
-    data = scenario.model_dump(exclude_none=True)
-    for table, key in entries(data, VECTORS):
-        table[key] = _plain(back @ np.array(table[key], float))
-    spacecraft = data["spacecraft"]
-    if "thruster_torque_axes" in spacecraft:
-        rows = np.array(spacecraft["thruster_torque_axes"], float) @ back.T
-        spacecraft["thruster_torque_axes"] = tuple(map(_plain, rows))
-    spacecraft["inertia_kg_m2"] = _rotate_inertia(spacecraft["inertia_kg_m2"], back)
-    model = data["control"].get("model", {})
-    if "inertia_kg_m2" in model:
-        model["inertia_kg_m2"] = _rotate_inertia(model["inertia_kg_m2"], back)
-    start = build_start(scenario)
-    into_body = back @ np.asarray(start.attitude.as_dcm().matrix)
-    quaternion = Rotation.from_matrix(into_body.T).as_quat(scalar_first=True)
-    data["initial"] = {
-        "quaternion": _plain(quaternion),
-        "omega_rad_s": _plain(back @ np.asarray(start.omega)),
-    }
-    return Scenario.model_validate(data, context={"law": False})
-
-
-def _rotate_inertia(moments: Any, back: Float[np.ndarray, "3 3"]) -> tuple[tuple[float, ...], ...]:
-    inertia = back @ inertia_matrix(moments) @ back.T
-    return tuple(map(_plain, (inertia + inertia.T) / 2))
-
-
-def _plain(values: np.ndarray) -> tuple[float, ...]:
-    return tuple(values.tolist())
 
 
 PERIOD = 0.1

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from jaxsat.scenario.build.balance import undriven_balance
 from jaxsat.scenario.build.load import load
-from jaxsat.synthesis.controller_design.vehicle import turned, vehicle_verdict
+from jaxsat.synthesis.controller_design.variants import turned
+from jaxsat.synthesis.controller_design.vehicle import vehicle_verdict
 
 PRESSURE, AREA, ARM, ABSORBED = 4.56e-6, 5.1, 1.2, 0.9
 SUN = np.array([0.0, 0.0, -1.0])  # in the reference frame of the scenario

@@ -10,13 +10,11 @@ from jaxsat.studies.quantities import QUANTITIES
 from jaxsat.synthesis.controller_design.candidates import Candidate
 from jaxsat.synthesis.controller_design.explanation import (
     COUPLING,
-    NOISE,
     drawn_numbers,
-    multiplied,
     remedies,
     separations,
-    stronger,
 )
+from jaxsat.synthesis.controller_design.variants import NOISE, multiplied, stronger
 from jaxsat.synthesis.controller_design.vehicle import vehicle_verdict
 
 HARD = jaxsat.load("acceptance-hard")

@@ -22,19 +22,17 @@ from jaxsat.synthesis.controller_design.candidates import (
     fitting_candidates,
     usual_control,
     with_larger_end_game,
-    with_scaled_gains,
     written_out,
 )
 from jaxsat.synthesis.controller_design.completion import completed
-from jaxsat.synthesis.controller_design.explanation import stronger
 from jaxsat.synthesis.controller_design.lost_holds import design_cautions
 from jaxsat.synthesis.controller_design.request import ALL, QUICK, read_vehicle
 from jaxsat.synthesis.controller_design.tuning import tuning_table
+from jaxsat.synthesis.controller_design.variants import stronger, turned, with_scaled_gains
 from jaxsat.synthesis.controller_design.vehicle import (
     Scale,
     control_period,
     scale_of,
-    turned,
     vehicle_verdict,
 )
 
