@@ -76,6 +76,9 @@ def controllability_document(
         Lines("Findings", findings),
     ]
     good, survival = _is_good(records[0]), _survival(records)
+    if len(records) == 1 and records[0].get("working") == "none":  # the table counts no actuator
+        good = {"Controllable": True, "Not controllable": False}.get(verdict.partition(":")[0])
+        blocks, survival = blocks[1:], []
     if good and any(map(count_failed, records)):
         verdict = f"{survival.pop(0).replace(':', '')} ({verdict})"
     summary = Verdict(good, verdict, survival)

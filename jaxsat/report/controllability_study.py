@@ -8,6 +8,7 @@ import numpy as np
 
 from jaxsat.controllability.drift import energy_bound, energy_counterexample, recurrence
 from jaxsat.controllability.failures import FailureCase, failure_csv, failure_records, failure_table
+from jaxsat.controllability.gyros import GyroCluster
 from jaxsat.controllability.judgement import Judgement
 from jaxsat.controllability.judging import judge_once_stopped
 from jaxsat.controllability.lie import DriftField, pack
@@ -41,6 +42,7 @@ from jaxsat.scenario.build.actuator_set import (
 )
 from jaxsat.scenario.build.balance import held_with_momentum, undriven_balance
 from jaxsat.scenario.build.plant import build_plant, orbit_rate
+from jaxsat.scenario.build.reached_torques import ReachedTorques, reached_torques
 from jaxsat.store.folder import OutputFolder
 
 if TYPE_CHECKING:
@@ -72,11 +74,12 @@ class ControllabilityStudy(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """The verdict as a sentence, first that of gyros, last that without magnetorquers."""
-        sentence, gyros = verdict_sentence(self.judgement), gyro_cluster(self.scenario)
+        """The verdict as a sentence, first that of actuators which the table does not count, last
+        that without magnetorquers."""
+        sentence, uncounted = verdict_sentence(self.judgement), _uncounted(self.scenario)
         without, lacking = self.judgement.without_rods, "magnetorquers"
-        if gyros is not None:
-            first, without, lacking = gyros.verdict(), self.judgement, "them"
+        if uncounted is not None:
+            first, without, lacking = uncounted.verdict(), self.judgement, "them"
         elif without is not None:
             first, sentence = sentence, verdict_sentence(without)
         else:
@@ -136,17 +139,20 @@ def controllability_study(
     rods, places = all_rods(scenario)
     if stopped is not None and rods is not None:
         stopped = judge_with_rods(stopped, rods, places, tolerance)
-    lines = controllability_lines(
-        judgement, analysis, torque=torque, stopped=stopped, magnetorquers=bool(places)
-    )
+    uncounted, counts = _uncounted(scenario), bool(cases[0].working)
+    lines = [] if uncounted is None else uncounted.lines()
+    if counts or uncounted is None:
+        lines += controllability_lines(
+            judgement, analysis, torque=torque, stopped=stopped, magnetorquers=bool(places)
+        )
     stuck = stuck_on_words(scenario.spacecraft.inertia_kg_m2, judgement.actuators)
     of_rods = stuck_rod_words(scenario, judgement)
     lines += [one for one in (stuck, of_rods) if one is not None]
-    balance, gyros = undriven_balance(scenario), gyro_cluster(scenario)
+    balance = undriven_balance(scenario)
     lines += [] if balance is None else [" ".join(balance.lines())]
     holding = held_with_momentum(scenario, judgement)
     lines += [] if holding is None else [holding]
-    lines += [*magnetic_lines(scenario), *([] if gyros is None else gyros.lines())]
+    lines += magnetic_lines(scenario)
     if len(cases[0].working) > MAX_ACTUATORS:
         lines.append(f"More than {MAX_ACTUATORS} actuators: only single and double failures")
     if passive := [f"{one.called}s" for one in PASSIVE if getattr(scenario, one.name)]:
@@ -158,6 +164,11 @@ def controllability_study(
         report("following the drift")
     drift_results = _follow_drift(scenario) if drift else ([], {})
     return ControllabilityStudy(scenario, judgement, cases, lines, *drift_results)
+
+
+def _uncounted(scenario: Scenario) -> ReachedTorques | GyroCluster | None:
+    """Return the torques of actuators that the judgement does not count; None without any."""
+    return reached_torques(scenario) or gyro_cluster(scenario)
 
 
 def _analyse(

@@ -36,6 +36,7 @@ import jax
 import numpy as np
 from scipy.spatial.transform import Rotation
 jax.config.update("jax_enable_x64", True)
+from jaxsat.report.controllability_study import controllability_study
 from jaxsat.scenario import dump, read
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
@@ -50,6 +51,11 @@ total = q.apply(found["omega"].values * [5.0, 4.0, 3.0] + h.values)
 np.testing.assert_allclose(total, total[:1] * np.ones_like(total), atol=1e-10)
 late = found["time"].values >= 15
 assert np.ptp(h.values[late, 2]) == 0 and np.ptp(h.values[late, 1]) > 0.01
+judged = controllability_study(scenario)
+assert "Controllable: flywheels included, actuators make at least 0.2 N m" in judged.verdict
+assert judged.findings == [
+    "Flywheels (not in the table), one more loose: 0 of 3 cases leave three torques"
+]
 study = build_study(scenario, 2, seed=1)
 values = study.values(np.arange(2))
 assert values["peak_flywheel_momentum"].shape == (2, 3)
