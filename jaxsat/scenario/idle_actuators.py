@@ -73,13 +73,12 @@ def _idle_ideal_thrusters(scenario: Scenario, torques: int) -> Iterator[Issue]:
 def _idle_wheels(scenario: Scenario) -> Iterator[Issue]:
     makers = TorqueMakers.of(scenario)
     working = np.array([place for place, one in enumerate(makers.wheels) if not one.failed], int)
-    if not working.size:
-        return
-    axes, directions = makers.axes, makers.directions
-    busy = columns_in_use(np.hstack([axes, -axes]), directions).reshape(2, -1).any(axis=0)
-    shares = least_squares_map(axes, 2, directions=directions)
-    busy |= np.abs(shares).max(axis=1) > BASIS_TOLERANCE
-    names = names_of(makers.wheels)
+    busy, names = np.zeros(working.size, bool), names_of(makers.wheels)
+    if working.size and not makers.wheels_idle:
+        axes, directions = makers.axes, makers.directions
+        busy = columns_in_use(np.hstack([axes, -axes]), directions).reshape(2, -1).any(axis=0)
+        shares = least_squares_map(axes, 2, directions=directions)
+        busy |= np.abs(shares).max(axis=1) > BASIS_TOLERANCE
     yield from _issues(scenario, ("wheel",), (names[place] for place in working[~busy]))
 
 

@@ -103,9 +103,10 @@ def test_a_sampled_law_points_as_well_with_friction_as_without(friction):
 
 
 @pytest.mark.filterwarnings("ignore:.*should make both torques")
-def test_thrusters_make_what_wheels_leave():
-    with pytest.warns(ScenarioWarning, match="never used: 1"):
-        mixed = build(load("switching", [f"wheel=[{X}]"])).loop
+def test_thrusters_make_what_wheels_leave_and_all_where_they_can():
+    """A wheel that makes a part has momentum, which laws of two torques do not model."""
+    one = "spacecraft.thruster_torque_axes=[[0,1,0]]", "spacecraft.failed_thrusters=[]"
+    mixed = build(load("switching", [f"wheel=[{X}]", *one])).loop
     assert isinstance(mixed.distribution, WheelsFirst)
     told, command = PlantState(Quaternion([1.0, 0, 0, 0]), np.zeros(3)), jnp.array([0.3, -0.2])
     thrusters, wheels = mixed.plant.effectors
@@ -128,8 +129,21 @@ def test_thrusters_make_what_wheels_leave():
     thrusters, wheels = pulsed.plant.effectors
     assert isinstance(thrusters, PulsedThrusters)
     assert isinstance(wheels, Wheels)
-    np.testing.assert_allclose(pulsed.distribution.wheels(command), [0.3])
-    np.testing.assert_allclose(pulsed.distribution.rest, [[0, 0], [0, 1]])
+    np.testing.assert_allclose(pulsed.distribution.wheels(command), [0.0])
+    np.testing.assert_allclose(pulsed.distribution.rest, np.eye(2))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*(should make both torques|never used)")
+def test_a_law_of_two_torques_settles_beside_a_wheel_as_beside_none():
+    """Thrusters make both; a wheel that made a part would keep the momentum of the turn."""
+    wheel = "wheel=[{axis=[1,0,0],rotor_inertia_kg_m2=1e-6,torque_limit_N_m=20}]"
+    ends = [
+        float(build(load("two-torque-free", changes)).simulate().assessment.settled_from)
+        for changes in ([], [wheel])
+    ]
+    assert np.isfinite(ends).all()
+    assert ends[1] == pytest.approx(ends[0], rel=1e-3)
 
 
 def test_wheels_that_have_failed_do_not_change_the_plane_of_the_thrusters():

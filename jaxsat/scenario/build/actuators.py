@@ -90,7 +90,7 @@ def _wheels_first(scenario: Scenario) -> WheelsFirst:
         wheel_axes(wheels),
         makers.law.torques,
         limits if np.isfinite(limits).any() else None,
-        tuple(number for number, one in enumerate(wheels, 1) if one.failed),
+        tuple(number for number, one in enumerate(wheels, 1) if one.failed or makers.wheels_idle),
         not whole,
         makers.directions,
     )
@@ -115,7 +115,8 @@ def _known_friction(scenario: Scenario) -> WheelFriction | None:
     """Friction of the working wheels that a sampled law knows; None for other laws."""
     if not scenario.law.declaration.sampled:
         return None
-    works = np.array([not one.failed for one in scenario.wheel])
+    idle = TorqueMakers.of(scenario).wheels_idle
+    works = np.array([not (one.failed or idle) for one in scenario.wheel])
     noise, period = tachometer_noise(scenario), scenario.control.period_s
     return WheelFriction.of(_declared_wheels(scenario), works, noise, period)
 

@@ -180,7 +180,8 @@ def _thrusters_make_what_the_law_commands(thrusters, law, wheels, *steered):
         return
     if not torques or not thrusters or not _whole(thrusters) or len(thrusters) > MAX_THRUSTERS:
         return
-    torque = makers.pushes
+    makers = TorqueMakers.among(wheels, thrusters, np.zeros((3, 0)), law.declaration)
+    torque, beside = makers.pushes, bool(makers.working_wheels)
     if _others_fly(makers, any(not one.failed for tables in steered for one in tables)):
         return
     together = beside and makers.together and not makers.plane_flies

@@ -1,15 +1,18 @@
 """Wheels and thrusters that make a law's torques: wheels first, thrusters the rest."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from jaxsat.core.allocation import (
+    allocation_matrix,
     largest_torque,
+    least_propellant,
     least_squares_map,
+    plane_map,
     pushed_directions,
     require_all_ways,
     torque_directions,
@@ -17,6 +20,7 @@ from jaxsat.core.allocation import (
     what_is_left,
 )
 from jaxsat.core.declaration.law import LawDeclaration
+from jaxsat.scenario.tables import working_axes
 
 MISSING = 1e-9
 """Part of a command, relative to the command, below which it is treated as made."""
@@ -30,21 +34,39 @@ Tables = Sequence[Any]
 
 @dataclass(frozen=True)
 class TorqueMakers:
-    """Tables `[[wheel]]` and `[[thruster]]`, and the declaration of the law that they serve."""
+    """Tables `[[wheel]]` and `[[thruster]]`, and the declaration of the law that they serve.
+
+    `wheels_idle`: whether working wheels make no torque, because thrusters make the two torques of
+    the law, and wheels would make a part of them: no such law models their momentum.
+    """
 
     wheels: Tables
     thrusters: Tables
     law: LawDeclaration
+    wheels_idle: bool = False
 
     @staticmethod
     def of(scenario: Any) -> "TorqueMakers":
         """Return the torque makers of a checked scenario."""
-        return TorqueMakers(scenario.wheel, scenario.thruster, scenario.law.declaration)
+        table, law = scenario.spacecraft, scenario.law.declaration
+        ideal = working_axes(table.thruster_torque_axes or (), table.failed_thrusters)
+        return TorqueMakers.among(scenario.wheel, scenario.thruster, ideal, law)
+
+    @staticmethod
+    def among(
+        wheels: Tables, thrusters: Tables, ideal: Float[np.ndarray, "3 m"], law: LawDeclaration
+    ) -> "TorqueMakers":
+        """Return the torque makers, wheels idle where thrusters, or ideal ones along unit axes,
+        should make what wheels make a part of."""
+        makers = TorqueMakers(wheels, thrusters, law)
+        if law.torques != 2 or not makers.working_wheels or makers.wheels_make_all:
+            return makers
+        return replace(makers, wheels_idle=_make_both(makers.pushes, ideal, law.any_plane))
 
     @property
     def working_wheels(self) -> Tables:
-        """Wheels that have not failed before the start."""
-        return [one for one in self.wheels if not one.failed]
+        """Wheels that have not failed before the start, and are not idle."""
+        return [one for one in self.wheels if not (one.failed or self.wheels_idle)]
 
     @property
     def axes(self) -> Float[np.ndarray, "3 k"]:
@@ -72,7 +94,7 @@ class TorqueMakers:
     def remainder(self) -> Float[np.ndarray, "torques torques"]:
         """Part of a command about `directions` that wheels do not make; all without wheels."""
         directions = self.directions
-        if not self.wheels:
+        if not self.wheels or self.wheels_idle:
             return np.eye(directions.shape[1])
         return left_by_wheels(self.wheels, directions.shape[1], directions)
 
@@ -163,6 +185,19 @@ class TorqueMakers:
         limits = np.array([one.torque_limit_N_m or unbounded for one in self.working_wheels])
         columns = np.concatenate([unit_columns(self.pushes), self.axes], axis=1)
         return largest_torque(columns, np.r_[0 * full, -limits], np.r_[full, limits], np.eye(3))
+
+
+def _make_both(
+    pushes: Float[np.ndarray, "3 m"], ideal: Float[np.ndarray, "3 k"], any_plane: bool
+) -> bool:
+    """Whether thrusters make both torques of a law by themselves."""
+    try:
+        if pushes.size:
+            command = plane_map(pushes, 2, any_plane)
+            return bool(least_propellant(pushes, np.ones(pushes.shape[1]), command).size)
+        return bool((torque_directions if any_plane else allocation_matrix)(ideal).size)
+    except ValueError:
+        return False
 
 
 def spans_all_ways(torque: Float[np.ndarray, "3 m"]) -> bool:

@@ -16,7 +16,7 @@ from jaxsat.spacecraft.wheel_failures import WheelFailures
 from jaxsat.spacecraft.wheels import Wheels, wheel_momentum
 from scenario.build.test_thrusters_as_parts import HEAD, PAIRS, REST, written
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*should make both torques")
+pytestmark = pytest.mark.filterwarnings("ignore:.*never used. roll")
 
 WHEELS = """\
 [[wheel]]

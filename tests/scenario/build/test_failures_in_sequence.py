@@ -21,7 +21,7 @@ from jaxsat.studies.recovery import failed_thrusters
 from scenario.build.test_failing_wheels import mixed
 from scenario.build.test_thrusters_as_parts import pushing, written
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*should make both torques")
+pytestmark = pytest.mark.filterwarnings("ignore:.*never used. roll")
 
 
 def tables(*failures):
@@ -118,7 +118,7 @@ def test_failures_in_time_are_not_remarked_on(tmp_path):
     text = dump(mixed(tmp_path, tables(("wheel roll", "degraded", 5.0), ("wheel roll", "dead", 9))))
     with warnings.catch_warnings():
         warnings.simplefilter("error", ScenarioWarning)
-        warnings.filterwarnings("ignore", ".*should make both torques", ScenarioWarning)
+        warnings.filterwarnings("ignore", ".*never used. roll", ScenarioWarning)
         load(written(tmp_path, text, drawn("failure_time_s", 1, 40)))
 
 
