@@ -137,6 +137,12 @@ def require_ideal_thrusters(scenario: Scenario, what: str) -> None:
                 f"{kind}: must be left out for {what}, which supports only thrusters that make a "
                 f"torque of either sign, got {count}"
             )
+    in_flight = [one.of for one in scenario.failure if not one.of_sensor]
+    if in_flight:
+        raise UnsuitableScenario(
+            f"failure: must be left out for {what}, in which no thruster fails in flight; one that "
+            f"has failed before is in spacecraft.failed_thrusters, got {', '.join(in_flight)}"
+        )
     if scenario.spacecraft.torque_limit_N_m is None:
         raise UnsuitableScenario(
             "spacecraft.torque_limit_N_m: must be given in N m, as thrusters without a limit need "

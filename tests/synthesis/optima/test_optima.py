@@ -21,6 +21,7 @@ from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.environment.disturbances import AbstractDisturbance
 from jaxsat.synthesis.optima.manoeuvre import Manoeuvre, manoeuvre_of
+from jaxsat.synthesis.optima.run import UnsuitableScenario, required_manoeuvre
 from jaxsat.synthesis.optima.search import EndError, best_of_starts, plans_of, propagate
 from jaxsat.synthesis.optima.transcription import BoundObjective, BoundTranscription, Solution
 
@@ -90,6 +91,14 @@ def test_the_shortest_manoeuvre_has_no_unit_of_its_own(second):
     assert found == pytest.approx(shortest)
     with pytest.raises(ValueError, match="must be finite and at least"):
         BoundTranscription(manoeuvre, BoundObjective.TIME, 0.999 * shortest)
+
+
+def test_thrusters_that_fail_in_flight_have_no_bound():
+    """A time in which a dead thruster pushes is the bound of another spacecraft."""
+    changes = ['failure=[{of="thruster 1", kind="dead", at_s=0.5}]']
+    with pytest.raises(UnsuitableScenario, match="failure: must be left out for a bound"):
+        required_manoeuvre(load("two-torque-free", changes))
+    required_manoeuvre(load("two-torque-free"))
 
 
 def test_rest_to_rest_is_bang_bang():
