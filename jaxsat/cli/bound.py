@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from jaxsat.cli.computing import interruptibly, use_double_precision
+from jaxsat.cli.computing import interruptibly
 from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import End, Output, Overrides, Seed, Starts, number
 from jaxsat.cli.progress import show_progress
@@ -69,7 +69,6 @@ def bound(
     if output.out is not None:
         refuse_existing(output.out, overwrite=output.overwrite)
     chosen = load_scenario(scenario, overrides, "motion")
-    use_double_precision()
     best = _best(
         chosen, objective, target=target, end=end, starts=starts, longest=longest, seed=seed
     )

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from jaxsat.cli.computing import interruptibly, use_double_precision
+from jaxsat.cli.computing import interruptibly
 from jaxsat.cli.loading import load_vehicle
 from jaxsat.cli.options import Flag, Overrides, Results, number, whole
 from jaxsat.cli.progress import show_progress
@@ -42,7 +42,6 @@ def controllability(
     out, report = results.out, None
     if results.report is not False and out is None:
         raise UserMistake("--report: must be given with --out, the folder of the results")
-    use_double_precision()
     from jaxsat.store.folder import OutputFolder
 
     def output_folder() -> OutputFolder:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from jaxsat.cli.bound import unsuitable
-from jaxsat.cli.computing import interruptibly, use_double_precision
+from jaxsat.cli.computing import interruptibly
 from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import (
     End,
@@ -76,7 +76,6 @@ def front(
     laws = list(dict.fromkeys(law or (scenarios[0].control.law,)))
     for one in scenarios:
         _require_suitable(one, laws)
-    use_double_precision()
     from jaxsat.report.front import front_document, write_front
     from jaxsat.store.folder import OutputFolder
     from jaxsat.store.provenance import record_of

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from cyclopts import Parameter
 
-from jaxsat.cli.computing import interruptibly, use_double_precision
+from jaxsat.cli.computing import interruptibly
 from jaxsat.cli.listening import progress_text, require_approval
 from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import (
@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from jaxsat.studies.ensemble import Study
     from jaxsat.studies.executors import AbstractExecutor
     from jaxsat.studies.statistics import StopRule
-    from jaxsat.studies.summary import Summary
 
 
 @Parameter(name="*")
@@ -194,7 +193,6 @@ def _plan_report(
 def _build_study(
     scenario: "Scenario", count: int, quiet: bool, **keys: Any
 ) -> tuple["Scenario", "Study"]:
-    use_double_precision()
     from jaxsat.scenario.build.study import refined_study
 
     show_progress("compiling")
@@ -218,6 +216,8 @@ def _write_study(
 ) -> None:
     """Run the study into its store; write and print the requested outputs."""
     from jaxsat.scenario.resolution import excessive_error
+    from jaxsat.store.ledger import study_columns
+    from jaxsat.studies.summary import summarise
     from jaxsat.studies.work import study_work
 
     executor = chosen_executor(
@@ -228,7 +228,7 @@ def _write_study(
     try:
         count = _run(study, target, executor, rule, results.elsewhere)
         show_progress("summarising")
-        summary = interruptibly(lambda: _summary(target, count))
+        summary = interruptibly(lambda: summarise(study_columns(target), count))
         if saved.figures is not None:
             show_progress("drawing figures")
             write_figures(saved.figures, scenario.title, study, target, summary)
@@ -260,13 +260,6 @@ def interruption_text(target: Path) -> str:
     if not status_chunks(target):
         return "no chunk is finished yet; the same command starts again"
     return f"the finished chunks are in {target}; the same command resumes"
-
-
-def _summary(target: Path, count: int) -> "Summary":
-    from jaxsat.store.ledger import study_columns
-    from jaxsat.studies.summary import summarise
-
-    return summarise(study_columns(target), count)
 
 
 def _stop_rule(text: str) -> "StopRule":

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from jaxsat.cli.computing import interruptibly, use_double_precision
+from jaxsat.cli.computing import interruptibly
 from jaxsat.cli.listening import execution, listener, present_result
 from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import (
@@ -95,7 +95,6 @@ def rare(
 
 
 def _fly_again(chosen: "Scenario", folder: Path, case: int, results: Resumable) -> int:
-    use_double_precision()
     from jaxsat.synthesis.rare_events.run import flown_again
 
     target = folder / f"case-{case}"

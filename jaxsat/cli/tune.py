@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from jaxsat.cli.computing import interruptibly, use_double_precision
+from jaxsat.cli.computing import interruptibly
 from jaxsat.cli.listening import listener, resumed_later
 from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import BatchSize, Flag, Overrides, Resumable
@@ -43,7 +43,6 @@ def tune(
         Threads that share a batch; by default the number of processors.
     """
     chosen = load_scenario(scenario, overrides, "tuning")
-    use_double_precision()
     target = results.out or Path(f"jaxsat-{Path(scenario).stem}-tuned")
     report = planned_report(results, target)
 

@@ -168,7 +168,7 @@ def _parameters(program: FlightProgram, row: np.ndarray) -> list[np.ndarray]:
 def trees_of(program: FlightProgram, inputs: np.ndarray, states: np.ndarray) -> tuple[Input, State]:
     """Return rows of inputs and states as trees of arrays with a leading axis."""
     now = unpacked(inputs, program.now)
-    state = unpacked(states[:, :-1], program.begun)
+    state = unpacked(states[:, :-1], program.start_state)
     begin: Any = states[:, -1].astype(np.int32)
     return now, state._replace(begin_sample=begin)
 

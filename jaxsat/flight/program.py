@@ -76,11 +76,11 @@ class FlightProgram:
 
     `whole(parameters, input, state)` is the step as one function, the reference of the proof,
     `start(parameters, attitude, input)` the initialisation, and `coast(parameters, input, memory)`
-    the estimator's part of a step; `parameters` are the arrays of the structure, `now` and `begun`
-    an input and a state for their shapes. These count samples from the first on; the structures
-    have them from any number on, and the state has the first. `order` is the index of the parameter
-    of each array of `FlightController`, `macros` has the names of the numbers of enumerations, and
-    `attitude` is the quaternion of the scenario's start.
+    the estimator's part of a step; `parameters` are the arrays of the structure, `now` and
+    `start_state` an input and a state for their shapes. These count samples from the first on; the
+    structures have them from any number on, and the state has the first. `order` is the index of
+    the parameter of each array of `FlightController`, `macros` has the names of the numbers of
+    enumerations, and `attitude` is the quaternion of the scenario's start.
     Once written, `calls` has the C call of each stage, `functions` the elementary functions by
     their C names, `operations` those of numbers that have branches, with the types of operands and
     result, `origins` the Python functions of C functions, and `wholes` the function that
@@ -100,7 +100,7 @@ class FlightProgram:
     start: Callable
     coast: Callable
     now: Input
-    begun: State
+    start_state: State
     period: Any
     order: list[int]
     attitude: np.ndarray

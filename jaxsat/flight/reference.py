@@ -30,7 +30,7 @@ class Reference:
         """Return outputs and next states of samples."""
         whole = self.program.whole
         cases = (_since(state, now), state._replace(begin_sample=None))
-        examples = (self.program.now, self.program.begun)
+        examples = (self.program.now, self.program.start_state)
         out, after = self._run("step", whole, examples, cases, parameters)
         return rows_of((out, after._replace(begin_sample=state.begin_sample)))
 
@@ -48,7 +48,7 @@ class Reference:
     ) -> Float[np.ndarray, "n state"]:
         """Return states after samples of the estimator alone."""
         cases = (_since(state, now), state.estimator)
-        examples = (self.program.now, self.program.begun.estimator)
+        examples = (self.program.now, self.program.start_state.estimator)
         memory = self._run("coast", self.program.coast, examples, cases, parameters)
         return rows_of(state._replace(estimator=memory))
 

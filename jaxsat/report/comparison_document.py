@@ -1,10 +1,9 @@
 """Document of a comparison of laws, from the record `comparison.json`."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
 
 from jaxsat.core.text import capitalised
-from jaxsat.report.document import Cell, Document, Shown, Table, Verdict
+from jaxsat.report.document import Cell, Document, Record, Shown, Table, Verdict
 from jaxsat.report.study_document import fraction_cell, interval_cell, interval_of
 from jaxsat.studies.statistics import percent_texts
 
@@ -28,8 +27,6 @@ PRICES_NOTE = (
     "Medians over completed cases. Propellant: a day's at the mean use of a case, manoeuvres and "
     "failures included; momentum margin: the part of its limit that the fullest wheel never holds."
 )
-
-Record = Mapping[str, Any]
 
 
 def comparison_document(record: Record) -> Document:

@@ -41,7 +41,7 @@ from jaxsat.scenario.build.actuator_set import (
     judge_scenario,
 )
 from jaxsat.scenario.build.balance import held_with_momentum, undriven_balance
-from jaxsat.scenario.build.plant import build_plant, orbit_rate
+from jaxsat.scenario.build.plant import build_plant
 from jaxsat.scenario.build.reached_torques import ReachedTorques, reached_torques
 from jaxsat.store.folder import OutputFolder
 
@@ -186,7 +186,7 @@ def _analyse(
             judgement.inertia if healthy.free_rotors.any() else inertia,
             healthy.columns,
             disturbance=disturbance if any(disturbance) else None,
-            orbit_rate=orbit_rate(scenario),
+            orbit_rate=scenario.orbit.rate(),
             tolerance=tolerance,
             labels=healthy.names,
         )

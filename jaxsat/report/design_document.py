@@ -1,12 +1,12 @@
 """Document of a controller design, from the record `design.json`."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from jaxsat.core.text import capitalised, number_text, vector_text
 from jaxsat.report.comparison_document import LAW_COLUMNS, LAWS_NOTE, law_cells, price_table
-from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
+from jaxsat.report.document import Block, Cell, Document, Lines, Record, Shown, Table, Verdict
 from jaxsat.report.study_document import interval_of, percentile_table
 
 DESIGNED = "designed.toml"
@@ -20,8 +20,6 @@ LINES = {
     "left_out": "Laws left out",
     "cautions": "Outside the verified range of the laws",
 }
-
-Record = Mapping[str, Any]
 
 
 def design_document(record: Record) -> Document:

@@ -21,6 +21,9 @@ class Shown:
 
 Cell = Shown | str | float | int | None
 
+Record = Mapping[str, Any]
+"""Plain data of a result, as its JSON file has them."""
+
 
 @dataclass(frozen=True)
 class Facts:

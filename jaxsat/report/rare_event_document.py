@@ -1,16 +1,23 @@
 """Document and plots of the probability of violating a requirement, from `rare-event.json`."""
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
 from jaxsat.core.text import number_text
-from jaxsat.report.document import Block, Cell, Document, Facts, Lines, Shown, Table, Verdict
+from jaxsat.report.document import (
+    Block,
+    Cell,
+    Document,
+    Facts,
+    Lines,
+    Record,
+    Shown,
+    Table,
+    Verdict,
+)
 from jaxsat.report.plot import Axis, Line, Plot
 from jaxsat.studies.statistics import Interval
-
-Record = Mapping[str, Any]
 
 FIRST = 8
 """Number of quantities that text shows."""

@@ -1,12 +1,11 @@
 """Document and plots of a tuning, from `verdict.json`, `receipt.json` and `baselines.json`."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
+from jaxsat.report.document import Block, Cell, Document, Lines, Record, Shown, Table, Verdict
 from jaxsat.report.plot import Axis, Line, Plot
 from jaxsat.report.study_document import INTERVALS, fraction_cell, interval_cell, interval_of
 
@@ -26,8 +25,6 @@ PLACES = {
     "exact_start": "exact law, start",
     "exact_end": "exact law, end",
 }
-
-Record = Mapping[str, Any]
 
 
 def tuning_document(

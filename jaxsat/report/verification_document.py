@@ -1,13 +1,10 @@
 """Document of a verification, from its record, and tables in CSV."""
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 from jaxsat.core.text import csv_text, number_text
-from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
+from jaxsat.report.document import Block, Cell, Document, Lines, Record, Shown, Table, Verdict
 from jaxsat.studies.statistics import Interval, fraction_text
-
-Record = Mapping[str, Any]
 
 GOOD = {"met": True, "violated": False, **dict.fromkeys(("undecided", "not judged", "not tried"))}
 """Sign of verdicts: good, bad or neither."""

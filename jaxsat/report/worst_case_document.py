@@ -1,12 +1,9 @@
 """Document of the worst case of a requirement, from `worst-case.json`."""
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 from jaxsat.core.text import number_text
-from jaxsat.report.document import Document, Facts, Shown, Table, Verdict
-
-Record = Mapping[str, Any]
+from jaxsat.report.document import Document, Facts, Record, Shown, Table, Verdict
 
 
 def worst_case_document(record: Record) -> Document:

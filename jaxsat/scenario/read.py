@@ -32,7 +32,7 @@ from jaxsat.scenario.plugins import (
     failing_once,
     require_not_hidden,
 )
-from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.schema import Scenario, issues_of
 from jaxsat.scenario.stand_ins import converted, without_types
 from jaxsat.scenario.units import Conversion, spellings
 from jaxsat.store.files import OutputError
@@ -97,7 +97,7 @@ def read(
         scenario = without_types(Scenario.model_validate(conversion.data, context={"law": law}))
         issues = [] if problems else trial(scenario)
     except ValidationError as error:
-        issues = [line["ctx"]["issue"] for line in error.errors()]  # pyright: ignore
+        issues = issues_of(error)
     located = map(places.problem, issues)
     problems += sorted(located, key=lambda one: (one.line is not None, one.line or 0))
     if scenario is None or problems:

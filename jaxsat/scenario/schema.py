@@ -167,6 +167,11 @@ def _as_a_class(
     return create_model("Items", **fields)
 
 
+def issues_of(error: ValidationError) -> list[Issue]:
+    """Return the issues of a refused scenario."""
+    return [line["ctx"]["issue"] for line in error.errors()]  # pyright: ignore
+
+
 def _error_details(issue: Issue) -> InitErrorDetails:
     context = {"message": issue.message, "issue": issue}
     return InitErrorDetails(

@@ -45,11 +45,6 @@ def nothing(name: str) -> bool:
     return False
 
 
-def _is_plain(mode: int) -> bool:
-    """Whether a mode is that of a file or a folder, and not a link."""
-    return stat.S_ISREG(mode) or stat.S_ISDIR(mode)
-
-
 class Marker:
     """Content of a folder, and the hashes of all files written to it.
 
@@ -119,7 +114,7 @@ class Marker:
         """Record an existing file of the folder as written, saved by `finish`."""
         data = read_file(self.folder / name)
         if data is not None and not self.is_unchanged(name, data):
-            self._note(name, data)
+            self._hashes.setdefault(name, []).append(content_hash(data))  # beside those before
 
     def finish(self) -> None:
         """Mark the folder as complete; raises `OSError`."""
@@ -156,13 +151,10 @@ class Marker:
             else:
                 ours = stat.S_ISDIR(mode) and name in folders
             ours = ours or is_of_system(self.folder, name, mode)
-            if not ours and not (_is_plain(mode) and is_made_of_it(name)):
+            is_plain = stat.S_ISREG(mode) or stat.S_ISDIR(mode)  # and not a link
+            if not ours and not (is_plain and is_made_of_it(name)):
                 foreign.append(name)
         return sorted(foreign)
-
-    def _note(self, name: str, data: bytes) -> None:
-        """Record the content of a file to be written; the previous one also stays valid."""
-        self._hashes.setdefault(name, []).append(content_hash(data))
 
     def _save(self, *, durable: bool = True) -> None:
         document = {
@@ -206,10 +198,8 @@ def unverified(folder: Path) -> str | None:
 
     Raises `OutputError` for a marker that is damaged or cannot be read.
     """
-    return _no_marker(folder) if _sound_marker(folder) is None else None
-
-
-def _no_marker(folder: Path) -> str:
+    if _sound_marker(folder) is not None:
+        return None
     return (
         f"files in {folder} are not verified: it has no {MARKER} of this version, which would show "
         "that they are as jaxsat wrote them."

@@ -22,7 +22,7 @@ from jaxsat.controllability.rods import RodSet, judge_with_rods
 from jaxsat.controllability.wording import verdict_sentence
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.gimbals import GIMBAL
-from jaxsat.scenario.build.plant import build_effectors, field_of, orbit_rate
+from jaxsat.scenario.build.plant import build_effectors, field_of
 from jaxsat.scenario.parts.thrusters import ThrusterTable
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft.gimbals import ControlMomentGyros
@@ -62,7 +62,7 @@ def all_actuators(scenario: Scenario) -> tuple[ActuatorSet, list[int]]:
         stored=relative + rotors * (axes.T @ omega),
         rotors=rotors,
         momentum=sum_of_momenta(np.column_stack([inertia @ omega, axes * relative])),
-        target_turns=orbit_rate(scenario) != 0,
+        target_turns=scenario.orbit.rate() != 0,
     )
     failed = [*failed, *(one.failed for one in wheels)]
     return actuators, [place for place, gone in enumerate(failed) if not gone]

@@ -23,7 +23,7 @@ from jaxsat.core.checks import as_float
 from jaxsat.core.earth import EARTH_GRAVITY
 from jaxsat.core.text import number_text
 from jaxsat.scenario.build.actuator_set import all_actuators
-from jaxsat.scenario.build.plant import build_plant, orbit_rate, place_of
+from jaxsat.scenario.build.plant import build_plant, place_of
 from jaxsat.scenario.build.run import build_start
 from jaxsat.scenario.holding import missing_torque, nearest_balance, rotation
 from jaxsat.scenario.parts.torque_makers import TorqueMakers
@@ -131,7 +131,7 @@ def undriven_balance(scenario: Scenario) -> Balance | None:
 
     In a rotating frame, wheels absorb such a torque and return it.
     """
-    if orbit_rate(scenario) != 0:
+    if scenario.orbit.rate() != 0:
         return None
     axes = wheels = TorqueMakers.of(scenario).axes
     if not wheels.size:
@@ -157,7 +157,7 @@ def balance_about(scenario: Scenario, normal: Float[np.ndarray, "3"]) -> Balance
     from scipy.spatial.transform import Rotation  # slow to import, and seldom needed
 
     plant = build_plant(scenario)
-    inertia, square = np.asarray(plant.spacecraft.inertia), orbit_rate(scenario) ** 2
+    inertia, square = np.asarray(plant.spacecraft.inertia), scenario.orbit.rate() ** 2
     torque = _torque_about(plant, normal, _times(scenario))
 
     def missing(turn: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
@@ -209,7 +209,7 @@ def _torque_about(
 
 
 def _times(scenario: Scenario) -> Float[np.ndarray, " k"]:
-    place, rate = place_of(scenario.orbit), orbit_rate(scenario)
+    place, rate = place_of(scenario.orbit), scenario.orbit.rate()
     if isinstance(place, EllipticOrbit):
         rate = float(np.sqrt(EARTH_GRAVITY / place.semi_major_axis**3))
     return np.arange(PLACES) * (2 * np.pi / rate / PLACES) if rate else np.zeros(1)
@@ -241,7 +241,7 @@ def full_wheels_words(scenario: Scenario) -> str | None:
         return None
     from jaxsat.compiler.llvm.mapped import compiled_over_cases  # slow
 
-    rate, duration = orbit_rate(scenario), scenario.simulation.duration_s
+    rate, duration = scenario.orbit.rate(), scenario.simulation.duration_s
     fastest = max(rate, _perigee_rate(scenario), *map(_frequency, terms))
     count = PHASES * max(math.ceil(fastest * duration / (2 * math.pi)), 1)
     if count > MOST_INSTANTS:

@@ -10,7 +10,7 @@ from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.laws import Law
 from jaxsat.scenario.build.actuators import magnetic_context, wheel_context
 from jaxsat.scenario.build.errors import BuildError
-from jaxsat.scenario.build.plant import orbit_of, orbit_rate, periodic_torque
+from jaxsat.scenario.build.plant import orbit_of, periodic_torque
 from jaxsat.scenario.build.plugin_trial import LAW, sound
 from jaxsat.scenario.build.thrusters import rate_noise, thruster_context
 from jaxsat.scenario.control import ModelTable, is_plugin
@@ -74,7 +74,7 @@ def _model(scenario: Scenario, table: ModelTable, measured: tuple[bool, ...]) ->
     """
     inertia = table.inertia_kg_m2 or scenario.spacecraft.inertia_kg_m2
     relation = table.orbit_relation or scenario.orbit.relation
-    rate = orbit_rate(scenario) if table.orbit_rate_rad_s is None else table.orbit_rate_rad_s
+    rate = scenario.orbit.rate() if table.orbit_rate_rad_s is None else table.orbit_rate_rad_s
     disturbance: AbstractDisturbance = NoDisturbance()
     if any(measured):
         amplitude = np.where(measured, scenario.disturbance.amplitude_N_m, 0.0)

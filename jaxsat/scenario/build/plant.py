@@ -48,7 +48,7 @@ def build_plant(scenario: Scenario) -> RigidBody:
     """Return the rigid body in its orbit under its disturbances."""
     table = scenario.spacecraft
     spacecraft = Spacecraft(as_float(table.inertia_kg_m2))
-    orbit = orbit_of(scenario.orbit.relation, orbit_rate(scenario))
+    orbit = orbit_of(scenario.orbit.relation, scenario.orbit.rate())
     holds_third_rate = table.third_rate == "held"
     disturbance = _disturbance(scenario, np.asarray(spacecraft.inertia))
     effectors = tuple(effector for effector, _ in build_effectors(scenario))
@@ -74,11 +74,6 @@ def effector_context(
 ) -> EffectorContext:
     """Return the inputs of a scenario for effectors of one kind, with these failures of theirs."""
     return EffectorContext(field_of(scenario.orbit), _sunlight(scenario), failures)
-
-
-def orbit_rate(scenario: Scenario) -> float:
-    """ω0 of the reference frame, rad/s, given or from the altitude; 0 in an elliptic orbit."""
-    return scenario.orbit.rate()
 
 
 def orbit_of(relation: str, rate: float) -> AbstractOrbit:
@@ -159,7 +154,7 @@ def _disturbance_inputs(
 ) -> tuple[DisturbanceContext, dict[str, Any]]:
     """The context of jaxsat's own disturbances, and the values of all their keys."""
     field, light = field_of(scenario.orbit), _sunlight(scenario)
-    context = DisturbanceContext(inertia, orbit_rate(scenario), field, light, scenario.panel)
+    context = DisturbanceContext(inertia, scenario.orbit.rate(), field, light, scenario.panel)
     keys = (key for part in DISTURBANCES.values() for key in part.keys)
     return context, values_of(keys, scenario.disturbance)
 

@@ -23,7 +23,7 @@ from jaxsat.core.declaration.sensors import (
     STAR_TRACKER,
 )
 from jaxsat.core.noise import key_of_seed
-from jaxsat.scenario.build.plant import gravity_gradient, orbit_of, orbit_rate, sensor_context
+from jaxsat.scenario.build.plant import gravity_gradient, orbit_of, sensor_context
 from jaxsat.scenario.build.plugin_trial import made_part, require_estimates, require_vector
 from jaxsat.scenario.derived import attitude_tables, has_invalid_momenta, predicts_by_dynamics
 from jaxsat.scenario.parts.estimator import OwnEstimatorTable
@@ -117,7 +117,7 @@ def build_navigation(scenario: Scenario, plant: RigidBody) -> Navigation | None:
         strikes = [(0, one) for one in scenario.failure if one.of == GYRO.name]
         gyro = dataclasses.replace(gyro, failures=GyroFailures.from_tables(strikes))
     table: Any = scenario.estimator or OwnEstimatorTable()
-    orbit = orbit_of(scenario.orbit.relation, orbit_rate(scenario))
+    orbit = orbit_of(scenario.orbit.relation, scenario.orbit.rate())
     navigation = Navigation(
         gyro,
         tracker,

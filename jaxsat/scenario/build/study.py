@@ -16,7 +16,7 @@ from jaxsat.core.declaration.requirements import comparisons
 from jaxsat.core.solvers import NamedSolver
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario.build.dispersion_trial import distribution_of
-from jaxsat.scenario.build.plant import orbit_rate, sunlight_of
+from jaxsat.scenario.build.plant import sunlight_of
 from jaxsat.scenario.build.run import Run, build, build_tolerances
 from jaxsat.scenario.dispersion_tables import DispersionTable
 from jaxsat.scenario.errors import MissingTable
@@ -204,7 +204,7 @@ def tolerances_of(scenario: Scenario) -> Tolerances:
     own = build_tolerances(scenario)
     if scenario.law.declaration.regulates_attitude:
         return own
-    return own.of_rate(orbit_rate(scenario))
+    return own.of_rate(scenario.orbit.rate())
 
 
 def _suitable_chunk(engine: AbstractEngine, count: int) -> int:

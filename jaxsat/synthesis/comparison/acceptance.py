@@ -21,6 +21,7 @@ from jaxsat.scenario.build.study import EngineName, build_study
 from jaxsat.scenario.control import is_plugin, known_law
 from jaxsat.scenario.errors import key_of
 from jaxsat.scenario.overrides import override
+from jaxsat.scenario.schema import issues_of
 from jaxsat.studies.ensemble import Study
 
 LEVELS = ("nominal", "mc", "hard")
@@ -118,9 +119,8 @@ def validated(data: Mapping[str, Any], source: str) -> Scenario:
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
-        issues = [details["ctx"]["issue"] for details in error.errors()]  # pyright: ignore
         raise ScenarioError(
-            [Problem(source, issue.message, key_of(issue.location)) for issue in issues]
+            [Problem(source, one.message, key_of(one.location)) for one in issues_of(error)]
         ) from None
 
 

@@ -22,7 +22,7 @@ from jaxsat.synthesis.comparison.run import (
     KIND,
     UnsuitableLaw,
     scenario_figures,
-    write_record,
+    write_comparison,
 )
 from jaxsat.synthesis.comparison.verdict import (
     ComparisonRow,
@@ -179,7 +179,7 @@ def _write(
     data = {"seed": seed, **comparison.as_data()}
     recoveries = {row["law"]: row["recovered"] for row in data["rows"] if "recovered" in row}
     title, duration = scenario.title, scenario.simulation.duration_s
-    write_record(
+    write_comparison(
         folder, data, lambda: scenario_figures(title, duration, comparison.rows, recoveries)
     )
 

@@ -133,7 +133,7 @@ def compare(
         comparison = Comparison(rows, choose_laws(rows), least, least_times(rows, seed, end))
         if out is not None:
             data = {"seed": seed, **comparison.as_data()}
-            write_record(folder, data, lambda: acceptance_figures(rows))
+            write_comparison(folder, data, lambda: acceptance_figures(rows))
         return comparison
 
 
@@ -227,7 +227,7 @@ Panel = tuple[str, float | None]
 """Level and torque limit (N m) of a panel of the figure."""
 
 
-def write_record(
+def write_comparison(
     folder: ResumableFolder, data: Mapping[str, Any], figures: "Callable[[], dict[str, Figure]]"
 ) -> None:
     """Write the record with its provenance as JSON, and the figures; raises `OutputError`."""

@@ -22,6 +22,7 @@ from jaxsat.scenario.build.run import build, build_loop, build_tolerances
 from jaxsat.scenario.checks import SOLVER_KEYS
 from jaxsat.scenario.control import known_law, required_law
 from jaxsat.scenario.errors import key_of
+from jaxsat.scenario.schema import issues_of
 from jaxsat.studies.changes import controller_of
 from jaxsat.studies.dispersions import number_at
 from jaxsat.synthesis.controller_design.request import ALL, QUICK
@@ -247,8 +248,7 @@ def _scenario_or_reason(
         build(complete_scenario)
         return complete_scenario
     except ValidationError as error:
-        issues = [details["ctx"]["issue"] for details in error.errors()]  # pyright: ignore
-        messages = (f"{key_of(issue.location)} {issue.message}" for issue in issues)
+        messages = (f"{key_of(one.location)} {one.message}" for one in issues_of(error))
         return "; ".join(dict.fromkeys(messages))
     except ValueError as error:
         return str(error).rstrip(".")

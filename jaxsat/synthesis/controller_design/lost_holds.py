@@ -15,7 +15,6 @@ from jaxsat.compiler.llvm.mapped import compiled_over_cases
 from jaxsat.core.allocation import torque_directions
 from jaxsat.core.ranges import SETTLED_W
 from jaxsat.scenario import Scenario
-from jaxsat.scenario.build.plant import orbit_rate
 from jaxsat.scenario.build.study import build_study
 from jaxsat.scenario.derived import believed_axes
 from jaxsat.scenario.domain import dimensionless_numbers, domain_cautions
@@ -46,7 +45,7 @@ class DrawnBody(NamedTuple):
 
 def lost_holds(scenario: Scenario) -> str | None:
     """Return sentences if over 1 % of `BODIES` drawn bodies drift beyond balance, else None."""
-    if orbit_rate(scenario) == 0 or scenario.dispersion is None:
+    if scenario.orbit.rate() == 0 or scenario.dispersion is None:
         return None
     drifts = _drifts(scenario)
     count = sum(abs(one.drift) > one.balanced for one in drifts)
@@ -67,7 +66,7 @@ def lost_holds(scenario: Scenario) -> str | None:
 def holds_last(scenario: Scenario) -> bool:
     """Whether oscillations of the tolerated rate alone balance the drift of 99 % of `BODIES` drawn
     bodies, so that no balancing attitude is needed."""
-    if orbit_rate(scenario) == 0:
+    if scenario.orbit.rate() == 0:
         return True
     drifts = _drifts(scenario)
     return sum(abs(one.drift) > one.oscillation for one in drifts) <= FEW * len(drifts)
@@ -78,7 +77,7 @@ def drawn_drifts(scenario: Scenario, bodies: list[DrawnBody]) -> list[RestDrift]
     settled = scenario.settled
     tilt = 2 * math.atan(SETTLED_W) if settled.tilt_rad is None else settled.tilt_rad
     tolerances = (tilt, settled.turn_rad, settled.rate_rad_s)
-    rate, gradient = orbit_rate(scenario), scenario.disturbance.gravity_gradient
+    rate, gradient = scenario.orbit.rate(), scenario.disturbance.gravity_gradient
     return [rest_drift(*body, rate, gradient, tolerances) for body in bodies]
 
 

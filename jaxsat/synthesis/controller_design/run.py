@@ -124,11 +124,7 @@ def _map_axes(design: ControllerDesign) -> "dict[str, DrawnNumber]":
     verification = design.verification
     assert verification is not None
     assert design.scenario is not None
-    numbers = drawn_numbers(
-        design.scenario,
-        verification.columns,
-        design.verdict.judgement.laws in ("two torques", "two wheels"),
-    )
+    numbers = drawn_numbers(design.scenario, verification.columns, design.verdict.two_torques)
     names = [one.name for one in verification.separations] + [
         entry.name for entry in verification.summary.ranking if entry.matters
     ]

@@ -235,10 +235,9 @@ class DesignRun:
         verification = DesignVerification(summarise(columns), columns)
         if verification.settled.value >= settings.settled:
             return verification
-        two = verdict.judgement.laws in ("two torques", "two wheels")
         return replace(
             verification,
-            separations=separations(chosen.scenario, columns, two),
+            separations=separations(chosen.scenario, columns, verdict.two_torques),
             remedies=self._remedies(chosen, others, verdict, columns),
         )
 

@@ -19,7 +19,6 @@ from jaxsat.core.inertia import normal_axes
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.actuator_set import judge_scenario
 from jaxsat.scenario.build.balance import turn_to_held, undriven_balance
-from jaxsat.scenario.build.plant import orbit_rate
 from jaxsat.scenario.cautions import HELD_TURN
 from jaxsat.scenario.control import known_law
 from jaxsat.scenario.derived import believed_axes, has_sensors, torque_limit
@@ -58,6 +57,11 @@ class VehicleVerdict:
         if self.judgement.laws == "three torques":
             return True
         return self.turn is not None and max(map(abs, self.turn)) <= HELD_TURN
+
+    @property
+    def two_torques(self) -> bool:
+        """Whether laws make two torques, by thrusters or wheels."""
+        return self.judgement.laws in ("two torques", "two wheels")
 
     @property
     def _need(self) -> str:
@@ -155,7 +159,7 @@ def scale_of(scenario: Scenario) -> Scale:
 def scale_of_orbit(scenario: Scenario) -> Scale:
     """Return the scale of motion by magnetorquers, whose unit of time is 1/ω0."""
     moments = np.linalg.eigvalsh(inertia_of(scenario))[1:]
-    torque = float(np.sqrt(np.prod(moments))) * orbit_rate(scenario) ** 2
+    torque = float(np.sqrt(np.prod(moments))) * scenario.orbit.rate() ** 2
     return Scale((float(moments[0]), float(moments[1])), torque)
 
 
@@ -173,7 +177,7 @@ def _held_turn(scenario: Scenario, judgement: Judgement) -> tuple[float, float, 
     zero = (0.0, 0.0, 0.0)
     if (by_wheels := turn_to_held(scenario, judgement)) is not None:
         return tuple(by_wheels.tolist())
-    if judgement.laws != "two torques" or scenario.wheel or orbit_rate(scenario) == 0:
+    if judgement.laws != "two torques" or scenario.wheel or scenario.orbit.rate() == 0:
         return zero
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     directions = torque_directions(believed_axes(scenario))
@@ -183,7 +187,7 @@ def _held_turn(scenario: Scenario, judgement: Judgement) -> tuple[float, float, 
 
 
 def _orbit_lines(scenario: Scenario) -> tuple[str, ...]:
-    if orbit_rate(scenario) == 0:
+    if scenario.orbit.rate() == 0:
         return ()
     if scenario.disturbance.gravity_gradient:
         return ("Gravity gradient acts in every case.",)
