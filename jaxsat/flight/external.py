@@ -24,14 +24,9 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.core.errors import LibraryError
 from jaxsat.core.once import once
 from jaxsat.flight.calls import unpacked
-from jaxsat.flight.flight import (
-    CannotExport,
-    FlightController,
-    Seen,
-    measured_by,
-    vector_names,
-)
+from jaxsat.flight.flight import CannotExport, FlightController, Seen
 from jaxsat.flight.harness import ABI
+from jaxsat.flight.measurements import measured_by, vector_names
 from jaxsat.flight.program import FlightProgram, flight_program, is_parameter
 from jaxsat.flight.reference import rows_of
 from jaxsat.flight.vectors import with_law

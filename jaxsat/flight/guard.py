@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from jaxsat.compiler.c.expressions import literal
 from jaxsat.compiler.c.layout import Field
 from jaxsat.compiler.c.naming import comment
-from jaxsat.flight.flight import MAX_MEASUREMENTS
+from jaxsat.flight.measurements import MAX_MEASUREMENTS
 from jaxsat.flight.program import FlightProgram
 from jaxsat.flight.templates import template
 

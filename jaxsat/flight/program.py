@@ -16,15 +16,8 @@ from jaxsat.compiler.ir import Function, Source, Value, uses
 from jaxsat.compiler.passes.narrowing import Ports
 from jaxsat.compiler.scalar_program import ScalarProgram, scalar_program
 from jaxsat.core.fingerprint import fingerprint
-from jaxsat.flight.flight import (
-    FlightController,
-    Input,
-    SampleCommands,
-    Seen,
-    State,
-    as_type,
-    measured_example,
-)
+from jaxsat.flight.flight import FlightController, Input, SampleCommands, Seen, State, as_type
+from jaxsat.flight.measurements import measured_example
 from jaxsat.flight.whole_numbers import Macros, named, narrowed
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.wheels import wheel_momentum

@@ -18,8 +18,9 @@ from jaxsat.core.solvers import NamedSolver
 from jaxsat.core.text import csv_text
 from jaxsat.core.trees import choose
 from jaxsat.flight.calls import EXTREMES, trees_of
-from jaxsat.flight.flight import Input, Seen, State, measured_by, modulator_of, vectors_of
+from jaxsat.flight.flight import Input, Seen, State, modulator_of
 from jaxsat.flight.guard import first_attitude, has_tracker, real_type
+from jaxsat.flight.measurements import measured_by, vectors_of
 from jaxsat.flight.program import FlightProgram
 from jaxsat.flight.reference import Reference, rows_of
 from jaxsat.flight.templates import template

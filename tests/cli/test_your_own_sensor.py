@@ -219,7 +219,8 @@ def test_its_flight_code_agrees_to_the_bit(own, tmp_path, monkeypatch):
 
 
 def test_flight_code_has_no_names_of_its_own_twice(own):
-    from jaxsat.flight.flight import CannotExport, measured_example
+    from jaxsat.flight.flight import CannotExport
+    from jaxsat.flight.measurements import measured_example
 
     table = 'sensor={attitude={kind="beacons:Sun", noise_rad=0.01}}'
     run = build(load(own, ["failure=[]", table]))

@@ -14,10 +14,11 @@ from jaxsat.control.navigation.estimator import AbstractEstimator, Estimate
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.flight import vectors
-from jaxsat.flight.flight import Input, Measured, Seen
+from jaxsat.flight.flight import Input, Seen
 from jaxsat.flight.guard import groups, guard_header, status_bits
 from jaxsat.flight.guard_source import guard_source
 from jaxsat.flight.harness import records_header
+from jaxsat.flight.measurements import Measured
 from jaxsat.flight.program import FlightProgram, flight_program
 from jaxsat.flight.source import header, source
 from jaxsat.simulation.sampled_loop import SampledLoop

@@ -13,7 +13,7 @@ from jaxsat.control.navigation.estimator import Measurement
 from jaxsat.flight import vectors
 from jaxsat.flight.external import Library, with_library
 from jaxsat.flight.files import export
-from jaxsat.flight.flight import vectors_of
+from jaxsat.flight.measurements import vectors_of
 from jaxsat.flight.request import Request
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
