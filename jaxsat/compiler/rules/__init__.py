@@ -1,6 +1,7 @@
 """Rules that lower primitives, by kind of primitive."""
 
 from jaxsat.compiler.rules import calls as calls
+from jaxsat.compiler.rules import composed as composed
 from jaxsat.compiler.rules import control as control
 from jaxsat.compiler.rules import elementwise as elementwise
 from jaxsat.compiler.rules import indexing as indexing

@@ -1,15 +1,10 @@
-"""Rules of primitives that only call a jaxpr, and of those composed of others in `jax.numpy`."""
+"""Rules of primitives that only call a jaxpr, written out, called, or lowered once."""
 
-import functools
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jax import lax
-from jaxtyping import Array, Shaped
 
 from jaxsat.compiler import ir
 from jaxsat.compiler.builder import Builder
@@ -21,7 +16,6 @@ from jaxsat.compiler.lowering import (
     lower,
     lowers,
     scalars_of,
-    written,
 )
 from jaxsat.compiler.passes.dead_code import without_dead_code
 from jaxsat.core.jax_internals import CALL
@@ -168,153 +162,32 @@ def _plan(result: Elements, places: dict[int, int]) -> Elements | None:
     return out
 
 
-def _top_k(x: Array, k: int, axis: int) -> list[Array]:
-    """Return the largest first, equal ones in their order; floats in IEEE 754's total order, as
-    XLA's: -0.0 below 0.0, NaN beyond all on the side of its sign."""
-    numbers = lax.broadcasted_iota(jnp.int32, x.shape, axis)
-    last = [lax.rev(y, (axis,)) for y in (_in_total_order(x), x, numbers)]
-    ordered = lax.sort(last, dimension=axis, num_keys=1)[1:]
-    return [lax.slice_in_dim(lax.rev(y, (axis,)), 0, k, axis=axis) for y in ordered]
+def form_of(function: Function) -> tuple:
+    """Return the form of a function that reads no values from outside but its arguments: equal for
+    functions with the same steps, whose values and memories have other numbers."""
+    numbers: dict[int, int] = {}
 
-
-def _in_total_order(x: Array) -> Array:
-    """Return integers in the order of these: the bits of a float, flipped for a negative one."""
-    if x.dtype.kind != "f":
+    def of(x: Any) -> Any:
+        match x:
+            case Value():
+                return x.dtype.char, x.uniform, numbers.setdefault(x.number, len(numbers))
+            case np.generic():
+                return x.dtype.char, x.tobytes()
+            case list() | tuple():
+                return tuple(map(of, x))
+            case ir.Block():
+                return of(x.steps)
+            case Function():
+                return id(x)
+            case ir.Memory():
+                initial = None if x.initial is None else x.initial.tobytes()
+                number = numbers.setdefault(x.number, len(numbers))
+                return x.dtype.char, x.size, x.uniform, initial, of(x.elements), number
+            case Mapping():
+                return tuple(x.items())
+            case _ if is_dataclass(x):
+                return type(x).__name__, *(of(getattr(x, one.name)) for one in fields(x))
         return x
-    word = np.dtype(f"i{x.dtype.itemsize}")
-    bits = lax.bitcast_convert_type(x, word)
-    return jnp.where(bits < 0, bits ^ np.iinfo(word).max, bits)
 
-
-def _nextafter(x: Array, y: Array) -> Array:
-    whole = jnp.int64 if x.dtype == jnp.float64 else jnp.int32
-    bits = lax.bitcast_convert_type(x, whole)
-    outwards = jnp.where((y > x) == (x > 0), bits + 1, bits - 1)
-    least = lax.bitcast_convert_type(jnp.ones_like(bits), x.dtype)
-    neighbour = jnp.where(
-        x == 0, jnp.copysign(least, y), lax.bitcast_convert_type(outwards, x.dtype)
-    )
-    return jnp.where(x == y, y, jnp.where((x != x) | (y != y), np.nan, neighbour))
-
-
-def _clz(x: Array) -> Array:
-    """Count leading zeros: all bits below the first one are set and counted."""
-    width = 8 * x.dtype.itemsize
-    shift = 1
-    while shift < width:
-        x = x | lax.shift_right_logical(x, jnp.full_like(x, shift))
-        shift *= 2
-    return jnp.full_like(x, width) - lax.population_count(x)
-
-
-def _tile(x: Shaped[Array, "..."], reps: tuple[int, ...]) -> Array:
-    for axis, times in enumerate(reps):
-        x = lax.concatenate([x] * times, axis)
-    return x
-
-
-def _reduce_precision(x: Array, exponent_bits: int, mantissa_bits: int) -> Array:
-    """Return the nearest float of fewer bits, ties to even; subnormal results become zero."""
-    info = jnp.finfo(x.dtype)
-    word = np.dtype(f"u{x.dtype.itemsize}")
-    bits, surplus = lax.bitcast_convert_type(x, word), info.nmant - mantissa_bits
-    if surplus > 0:
-        odd = (bits >> word.type(surplus)) & word.type(1)
-        bits = bits + odd + word.type(2 ** (surplus - 1) - 1)
-        bits = bits & np.invert(word.type(2**surplus - 1))
-    if exponent_bits < info.nexp:
-        bias, reduced = 2 ** (info.nexp - 1) - 1, 2 ** (exponent_bits - 1) - 1
-        top, bottom = (word.type((bias + end) << info.nmant) for end in (reduced, -reduced))
-        infinite = word.type((2**info.nexp - 1) << info.nmant)
-        sign, exponent = bits & word.type(1 << (info.bits - 1)), bits & infinite
-        bits = jnp.where(exponent > top, sign | infinite, bits)
-        bits = jnp.where(exponent <= bottom, sign, bits)
-    return jnp.where(x != x, x, lax.bitcast_convert_type(bits, x.dtype))
-
-
-def _polynomial(x: Array, *coefficients: Array) -> Array:
-    return functools.reduce(lambda total, c: total * x + c, reversed(coefficients))
-
-
-COMPOSED: dict[str, Callable[..., Callable]] = {
-    "clz": lambda **_: _clz,
-    "cumlogsumexp": lambda **axis: partial(lax.associative_scan, jnp.logaddexp, **axis),
-    "log2": lambda **_: lambda x: lax.log(x) / np.log(2).astype(x.dtype),
-    "nextafter": lambda **_: _nextafter,
-    "one_minus_square": lambda **_: lambda x: (1 + x) * (1 - x),
-    "polynomial": lambda **_: _polynomial,
-    "reduce_precision": lambda **bits: partial(_reduce_precision, **bits),
-    "rsqrt": lambda **_: lambda x: 1 / jnp.sqrt(x),
-    "square": lambda **_: lambda x: x * x,
-    "tile": lambda reps, **_: partial(_tile, reps=reps),
-    "top_k": lambda k, axis=-1, **_: partial(_top_k, k=k, axis=axis),
-}
-"""Makers of a primitive's function from its parameters, by the primitive's name."""
-
-
-@lowers(*COMPOSED)
-def _composed(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
-    shapes = [
-        jax.ShapeDtypeStruct(x.shape, v.aval.dtype) for x, v in zip(arrays, eqn.inputs, strict=True)
-    ]
-    function = COMPOSED[eqn.name](**eqn.parameters)
-    return written(b, function, shapes, *arrays)
-
-
-def form_of(function: ir.Function) -> tuple:
-    """Return the form of a function that reads no values from outside but its arguments."""
-    return _Form().of(function)
-
-
-class _Form:
-    """Numbers of values and memories in the order in which a function names them."""
-
-    def __init__(self):
-        self._numbers: dict[int, int] = {}
-
-    def of(self, function: ir.Function) -> tuple:
-        params = self._scalars(function.params)
-        block = self._block(function.block)
-        return params, block, self._scalars(function.results), repr(function.source)
-
-    def _block(self, block: ir.Block) -> tuple:
-        return tuple(map(self._step, block.steps))
-
-    def _step(self, step: ir.Step) -> tuple:
-        match step:
-            case ir.Operation(name=name, args=args, out=out):
-                return (name, self._scalars(args), self._scalar(out))
-            case ir.Load(memory=memory, index=index, out=out):
-                return ("load", self._memory(memory), self._scalars([index, out]))
-            case ir.Store(memory=memory, index=index, value=value):
-                return ("store", self._memory(memory), self._scalars([index, value]))
-            case ir.Call(function=function, args=args, outs=outs):
-                return ("call", id(function), self._scalars(args), self._scalars(outs))
-            case ir.BlockSwitch(index=index, blocks=blocks, yields=yields, outs=outs):
-                parts = [
-                    (self._block(block), self._scalars(results))
-                    for block, results in zip(blocks, yields, strict=True)
-                ]
-                names = tuple(step.names.items())
-                head = self._scalar(index), step.cold, names
-                return ("switch", head, tuple(parts), self._scalars(outs))
-            case ir.Loop(params=params, before=before, condition=test, body=body):
-                head = self._scalars(before), self._scalars(params)
-                tested = self._block(test), self._scalar(step.active)
-                return ("loop", head, tested, self._block(body), self._scalars(step.after))
-
-    def _scalars(self, scalars: Sequence[ir.Scalar]) -> tuple:
-        return tuple(map(self._scalar, scalars))
-
-    def _scalar(self, x: ir.Scalar) -> Any:
-        if isinstance(x, ir.Value):
-            return (x.dtype.char, x.uniform, self._number(x.number))
-        return (x.dtype.char, x.tobytes())
-
-    def _memory(self, memory: ir.Memory) -> tuple:
-        initial = None if memory.initial is None else memory.initial.tobytes()
-        kind = memory.dtype.char, memory.size, memory.uniform, initial
-        return (*kind, self._scalars(memory.elements), self._number(memory.number))
-
-    def _number(self, number: int) -> int:
-        return self._numbers.setdefault(number, len(self._numbers))
+    parts = function.params, function.block, function.results
+    return *map(of, parts), repr(function.source)
