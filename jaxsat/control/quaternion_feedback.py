@@ -25,7 +25,7 @@ from jaxsat.spacecraft.wheels import wheel_momentum
 class QuaternionFeedbackMemory(NamedTuple):
     """The last reference rate relative to the orbit frame, rad/s."""
 
-    wanted: Vector
+    reference: Vector
 
 
 class QuaternionFeedback(AbstractSampledController):
@@ -74,7 +74,7 @@ class QuaternionFeedback(AbstractSampledController):
         inertia = self.model.spacecraft.inertia
         frame = self.model.orbit.frame_rate(state.attitude)
         relative = state.omega - frame
-        reference = self._wanted_rate(state)
+        reference = self._reference_rate(state)
         turning = jnp.cross(frame, relative)
         pull = 2 * self.damping * self.natural_frequency * (relative - reference)
         momentum, stored = inertia @ state.omega, wheel_momentum(state)
@@ -83,7 +83,7 @@ class QuaternionFeedback(AbstractSampledController):
         torque = jnp.cross(state.omega, momentum) + inertia @ (turning - pull)
         return torque, QuaternionFeedbackMemory(reference)
 
-    def _wanted_rate(self, state: PlantState) -> Vector:
+    def _reference_rate(self, state: PlantState) -> Vector:
         quaternion = state.attitude.as_quaternion().q
         shorter = jnp.where(quaternion[0] < 0, -1.0, 1.0)
         rate = -(self.natural_frequency / self.damping) * shorter * quaternion[1:]
@@ -92,4 +92,4 @@ class QuaternionFeedback(AbstractSampledController):
 
     def rate_error(self, state: PlantState, memory: QuaternionFeedbackMemory) -> Pair:
         """ω_r - ω_d about the first two axes, rad/s."""
-        return (self.model.relative_rate(state) - memory.wanted)[:2]
+        return (self.model.relative_rate(state) - memory.reference)[:2]
