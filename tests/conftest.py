@@ -99,7 +99,7 @@ FIRST = (
     *("tests/simulation/engine/test_magnetorquers.py", "tests/simulation/engine/test_wheels.py"),
     *("tests/simulation/test_failing_ideal_thrusters.py", "tests/spacecraft/test_allocation.py"),
     "tests/synthesis/verification/test_verification.py",
-    *("tests/simulation/engine/native/test_kept.py", "tests/cli/test_docs.py"),
+    *("tests/simulation/engine/native/test_kernel_store.py", "tests/cli/test_docs.py"),
     *("tests/control/navigation/test_dispersed_sensors.py", "tests/cli/test_fuzz.py"),
     *("tests/studies/test_torque_ranges.py", "tests/spacecraft/environment/test_igrf.py"),
 )

@@ -75,7 +75,7 @@ def measured(files: Mapping[str, bytes]) -> dict[str, ProcessorUse]:
         return dict.fromkeys(PROCESSORS, ProcessorUse(why=why))
     sources = {file: files[file] for file in sorted(files) if file.endswith((".c", ".h", ".bin"))}
     entry = _entry(sources)
-    content = cache.kept(entry)
+    content = cache.content_of(entry)
     if content is not None:
         return {name: ProcessorUse(**use) for name, use in json.loads(content).items()}
     with tempfile.TemporaryDirectory() as name:

@@ -62,7 +62,7 @@ def found_calls(
     sources = {**files, "search_calls.c": template("search_calls.c")}
     origin = (BLOCKS, compiler, status.st_size, status.st_mtime_ns, *sources.items(), numbers)
     entry = f"{hashlib.sha256(repr(origin).encode()).hexdigest()}.calls"
-    content = cache.kept(entry)
+    content = cache.content_of(entry)
     if content is None:
         try:
             content = _search(sources, numbers)

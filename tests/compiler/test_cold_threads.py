@@ -99,12 +99,12 @@ def test_threads_share_one_key_and_one_warning(tmp_path, monkeypatch):
     for turn in range(3):
         monkeypatch.setenv("JAXSAT_CACHE_DIR", str(tmp_path / str(turn)))
         at_once(lambda: cache.keep(f"{next(numbers)}.o", b"code"))
-    assert [cache.kept(f"{number}.o") for number in range(2 * COUNT, 3 * COUNT)] == [
+    assert [cache.content_of(f"{number}.o") for number in range(2 * COUNT, 3 * COUNT)] == [
         b"code"
     ] * COUNT
     monkeypatch.setenv("JAXSAT_CACHE_DIR", "nowhere")
     monkeypatch.setattr(cache, "_told", cache.threading.Event())
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
-        at_once(lambda: cache.kept("0.o"))
+        at_once(lambda: cache.content_of("0.o"))
     assert len(told) == 1

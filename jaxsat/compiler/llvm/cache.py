@@ -30,7 +30,7 @@ MOST_BYTES = 2**30
 """Largest total size of the entries, bytes; the least recently used ones are removed."""
 
 KINDS = (".o", ".kernel", ".measured")
-"""Suffixes of entries: machine code, kernels (`kept`), and measurements of flight code."""
+"""Suffixes of entries: machine code, kernels (`kernel_store`), and measurements of flight code."""
 
 _BYTES = 32
 """Bytes of the hash before an entry's content."""
@@ -79,14 +79,14 @@ def object_code(text: str) -> bytes:
     host = target.host()
     made_from = (target.PASSES, target.version(), host.name, host.features, text)
     name = f"{hashlib.sha256(repr(made_from).encode()).hexdigest()}.o"
-    code = kept(name)
+    code = content_of(name)
     if code is None:
         code = target.object_code(text)
         keep(name, code)
     return code
 
 
-def kept(name: str) -> bytes | None:
+def content_of(name: str) -> bytes | None:
     """Return the content of an entry; None where there is none, or none that was written here."""
     try:
         place = private_folder(folder())

@@ -9,7 +9,7 @@ import pytest
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.simulation.engine.native import engine, kept
+from jaxsat.simulation.engine.native import engine, kernel_store
 from jaxsat.simulation.engine.single import simulate
 
 SCENARIOS = (
@@ -28,7 +28,7 @@ def refuse(obstacle):
 @contextlib.contextmanager
 def strictly(monkeypatch):
     """Both checks, and no kernel that was traced without them: machine code of its text alone."""
-    monkeypatch.setenv(kept.SETTING, "0")
+    monkeypatch.setenv(kernel_store.SETTING, "0")
     monkeypatch.setattr(engine, "_kernels", {})
     with jax.numpy_dtype_promotion("strict"), jax.debug_nans(True):
         yield

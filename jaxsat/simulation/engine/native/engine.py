@@ -23,8 +23,8 @@ from jaxsat.simulation.engine.interface import (
     count_of,
     with_ranges_ahead,
 )
-from jaxsat.simulation.engine.native.kept import entry_name
 from jaxsat.simulation.engine.native.kernel import Kernel
+from jaxsat.simulation.engine.native.kernel_store import entry_name
 from jaxsat.simulation.engine.native.phases import ForwardModePhases, PrimalPhases
 from jaxsat.simulation.engine.native.trajectory import (
     LoweredTrajectory,

@@ -19,7 +19,12 @@ from jaxsat.compiler.llvm.threads import in_own_thread, in_threads
 from jaxsat.core.fingerprint import fingerprint
 from jaxsat.core.once import once_property
 from jaxsat.simulation.engine.interface import stops
-from jaxsat.simulation.engine.native.kept import Entries, EntryName, MadeKernel, MadeObserver
+from jaxsat.simulation.engine.native.kernel_store import (
+    Entries,
+    EntryName,
+    StoredKernel,
+    StoredObserver,
+)
 from jaxsat.simulation.engine.native.trajectory import LoweredTrajectory
 
 PIECE = 4
@@ -49,7 +54,7 @@ class Kernel:
         self, lower: Callable[[], LoweredTrajectory], lanes: int, name: EntryName | None = None
     ):
         self._lower, self.lanes, self._entries = lower, lanes, Entries(name)
-        self._made = self._entries.look_up(MadeKernel, lambda: self._make(name is not None))
+        self._made = self._entries.look_up(StoredKernel, lambda: self._make(name is not None))
         entries = dict.fromkeys(["begin", "advance", "finish"], ENTRY_POINT)
         self._functions = _link(self._made.code, {"run": RUN, **entries})
 
@@ -77,10 +82,10 @@ class Kernel:
     def _module(self) -> Module:
         return module_of(self.trajectory, self.lanes, target.host())
 
-    def _make(self, whole: bool) -> MadeKernel:
+    def _make(self, whole: bool) -> StoredKernel:
         """The stored part, with the fingerprint if it is to be `whole`."""
         trajectory = self.trajectory
-        return MadeKernel(
+        return StoredKernel(
             in_own_thread(lambda stopped: cache.object_code(self.text)),
             self._module.arena,
             trajectory.state_size,
@@ -95,10 +100,10 @@ class Kernel:
     @once_property
     def _observing(self) -> tuple[Callable[..., None], int]:
         """The driver of replays and its arena's size, compiled (and stored) at the first replay."""
-        observer = self._entries.look_up(MadeObserver, self._make_observer)
+        observer = self._entries.look_up(StoredObserver, self._make_observer)
         return _link(observer.code, {"history": HISTORY})["history"], observer.arena
 
-    def _make_observer(self) -> MadeObserver:
+    def _make_observer(self) -> StoredObserver:
         module = Module(self.lanes, target.host().masks, target.host().fuses)
         for entry in self.trajectory.entry_points:
             if entry.function.name == OBSERVE:
@@ -106,7 +111,7 @@ class Kernel:
         module.functions["history"] = history(self.lanes)
         text = module.text(target.host().attributes())
         code = in_own_thread(lambda stopped: cache.object_code(text))
-        return MadeObserver(code, module.arena)
+        return StoredObserver(code, module.arena)
 
     def run(self, trees: Trees, intervals: int, workers: int) -> Any:
         """Outputs of all cases.

@@ -77,7 +77,7 @@ Code = dict[str, bytes]
 
 
 @dataclass(frozen=True)
-class MadeKernel:
+class StoredKernel:
     """Stored part of a kernel: its machine code, how to call it, and its fingerprint."""
 
     code: bytes
@@ -92,7 +92,7 @@ class MadeKernel:
 
 
 @dataclass(frozen=True)
-class MadeObserver:
+class StoredObserver:
     """Stored part of a kernel for replays: the code that observes, and its arena's size."""
 
     code: bytes
@@ -178,7 +178,7 @@ class Entries:
         return entry
 
     def _found(self, name: str, kind: type[T]) -> T | None:
-        content = cache.kept(name)
+        content = cache.content_of(name)
         if content is None:
             return None
         try:

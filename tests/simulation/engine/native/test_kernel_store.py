@@ -20,23 +20,25 @@ from jaxsat.compiler.llvm.arguments import Arguments
 from jaxsat.core.fingerprint import fingerprint
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
-from jaxsat.simulation.engine.native import NativeEngine, engine, kept
+from jaxsat.simulation.engine.native import NativeEngine, engine, kernel_store
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.studies.dispersions import Dispersed
 from simulation.engine.examples import EXAMPLES, KICKS, program, same_bits
 
 SECOND = 10**9
-SURROUNDINGS = kept._surroundings  # before the fixture replaces it
+SURROUNDINGS = kernel_store._surroundings  # before the fixture replaces it
 
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("JAXSAT_CACHE_DIR", str(tmp_path))
-    monkeypatch.delenv(kept.SETTING, raising=False)
+    monkeypatch.delenv(kernel_store.SETTING, raising=False)
     monkeypatch.setattr(cache, "_told", cache.threading.Event())
-    monkeypatch.setattr(kept, "_surroundings", lambda: "here")  # files may be newer than this run
+    monkeypatch.setattr(
+        kernel_store, "_surroundings", lambda: "here"
+    )  # files may be newer than this run
     code_in_memory(monkeypatch)  # which tests change, and so does their type checker
-    monkeypatch.setattr(kept, "loaded_as_written", lambda package: True)
+    monkeypatch.setattr(kernel_store, "loaded_as_written", lambda package: True)
     return tmp_path / "native"
 
 
@@ -54,73 +56,73 @@ def later(seconds=3600):
 
 
 def test_a_change_of_any_source_file_is_another_hash(sources):
-    first = kept.sources_hash(sources)
-    assert kept.sources_hash(sources) == first
+    first = kernel_store.sources_hash(sources)
+    assert kernel_store.sources_hash(sources) == first
     status = (sources / "one.py").stat()
     (sources / "one.py").write_text("x = 2\n")
     os.utime(sources / "one.py", ns=(status.st_atime_ns, status.st_mtime_ns))
-    second = kept.sources_hash(sources)
+    second = kernel_store.sources_hash(sources)
     (sources / "inner" / "two.py").rename(sources / "two.py")
-    third = kept.sources_hash(sources)
+    third = kernel_store.sources_hash(sources)
     (sources / "one.py").touch()
-    fourth = kept.sources_hash(sources)
+    fourth = kernel_store.sources_hash(sources)
     (sources / "new.py").write_text("")
-    fifth = kept.sources_hash(sources)
+    fifth = kernel_store.sources_hash(sources)
     (sources / "field.shc").write_text("1 0 -29350.0\n")
-    sixth = kept.sources_hash(sources)
+    sixth = kernel_store.sources_hash(sources)
     assert len({first, second, third, fourth, fifth, sixth}) == 6
     (sources / "__pycache__").mkdir()
     (sources / "__pycache__" / "one.cpython-311.pyc.140").touch()
-    assert kept.sources_hash(sources) == sixth
+    assert kernel_store.sources_hash(sources) == sixth
 
 
 def test_sources_changed_since_they_were_imported_are_told(sources, tmp_path):
-    assert kept.unchanged(sources, later())
-    assert not kept.unchanged(sources, later(-1))
-    assert not kept.unchanged(sources, later(30))  # the file system's clock may be behind
+    assert kernel_store.unchanged(sources, later())
+    assert not kernel_store.unchanged(sources, later(-1))
+    assert not kernel_store.unchanged(sources, later(30))  # the file system's clock may be behind
     (sources / "one.py").rename(sources / "three.py")
     os.utime(sources / "three.py", (1, 1))
-    assert not kept.unchanged(sources, later(30))  # an older file put in its place
-    assert not kept.unchanged(tmp_path / "nothing", later())
+    assert not kernel_store.unchanged(sources, later(30))  # an older file put in its place
+    assert not kernel_store.unchanged(tmp_path / "nothing", later())
 
 
 def test_surroundings_are_python_packages_and_sources(monkeypatch):
-    packages_and_sources = kept._packages_and_sources.__wrapped__  # what is not remembered
-    monkeypatch.setattr(kept, "_packages_and_sources", packages_and_sources)
+    packages_and_sources = kernel_store._packages_and_sources.__wrapped__  # what is not remembered
+    monkeypatch.setattr(kernel_store, "_packages_and_sources", packages_and_sources)
     monkeypatch.setattr(jaxsat, "IMPORTED_NS", later())
     first = SURROUNDINGS()
     assert SURROUNDINGS() == first
     changed = [SURROUNDINGS()]
     for where, name, value in (
         (sys, "version", "4.0"),
-        (kept, "PACKAGES", kept.PACKAGES[1:]),
-        (kept.importlib.metadata, "version", lambda name: "0.0"),
-        (kept, "sources_hash", lambda folder: "other"),
+        (kernel_store, "PACKAGES", kernel_store.PACKAGES[1:]),
+        (kernel_store.importlib.metadata, "version", lambda name: "0.0"),
+        (kernel_store, "sources_hash", lambda folder: "other"),
     ):
         with monkeypatch.context() as here:
             here.setattr(where, name, value)
             changed.append(SURROUNDINGS())
     assert len({*changed, None}) == 6
     with monkeypatch.context() as here:
-        here.setattr(kept, "PACKAGES", ("a package that is not there",))
+        here.setattr(kernel_store, "PACKAGES", ("a package that is not there",))
         assert SURROUNDINGS() is None
     monkeypatch.setattr(jaxsat, "IMPORTED_NS", 0)
     assert SURROUNDINGS() is None
 
 
 def test_a_module_edited_while_a_program_runs_ends_what_is_kept(monkeypatch, sources):
-    monkeypatch.setattr(kept, "_surroundings", SURROUNDINGS)
+    monkeypatch.setattr(kernel_store, "_surroundings", SURROUNDINGS)
     monkeypatch.setattr(jaxsat, "__file__", str(sources / "one.py"))
     monkeypatch.setattr(jaxsat, "IMPORTED_NS", later())
-    assert kept.entry_name(1.0) is not None
+    assert kernel_store.entry_name(1.0) is not None
     monkeypatch.setattr(jaxsat, "IMPORTED_NS", (sources / "one.py").stat().st_mtime_ns)
-    assert kept.entry_name(1.0) is None
+    assert kernel_store.entry_name(1.0) is None
 
 
 def test_names_depend_on_kinds_and_not_on_numbers(monkeypatch):
-    name = kept.entry_name({"a": jnp.ones(3)}, 8, False)
+    name = kernel_store.entry_name({"a": jnp.ones(3)}, 8, False)
     assert name is not None
-    assert kept.entry_name({"a": jnp.zeros(3)}, 8, False) == name
+    assert kernel_store.entry_name({"a": jnp.zeros(3)}, 8, False) == name
     others = [
         ({"a": jnp.ones(4)}, 8, False),
         ({"a": jnp.ones(3, dtype=int)}, 8, False),
@@ -133,14 +135,14 @@ def test_names_depend_on_kinds_and_not_on_numbers(monkeypatch):
         ({"a": np.ones(3)}, 8, False),
         ({"a": np.zeros(3)}, 8, False),
     ]
-    names = [kept.entry_name(*other) for other in others]
+    names = [kernel_store.entry_name(*other) for other in others]
     assert len({*names, name, None}) == len(others) + 2
     with jax.threefry_partitionable(not jax.config.jax_threefry_partitionable):
-        assert kept.entry_name({"a": jnp.ones(3)}, 8, False) not in (name, None)
-    monkeypatch.setattr(kept, "_surroundings", lambda: "elsewhere")
-    assert kept.entry_name({"a": jnp.ones(3)}, 8, False) not in (name, None)
-    monkeypatch.setattr(kept, "_surroundings", lambda: None)
-    assert kept.entry_name({"a": jnp.ones(3)}, 8, False) is None
+        assert kernel_store.entry_name({"a": jnp.ones(3)}, 8, False) not in (name, None)
+    monkeypatch.setattr(kernel_store, "_surroundings", lambda: "elsewhere")
+    assert kernel_store.entry_name({"a": jnp.ones(3)}, 8, False) not in (name, None)
+    monkeypatch.setattr(kernel_store, "_surroundings", lambda: None)
+    assert kernel_store.entry_name({"a": jnp.ones(3)}, 8, False) is None
 
 
 class Own:
@@ -152,17 +154,17 @@ def test_code_of_others_has_no_name(monkeypatch):
         pass
 
     for part in (Own, Own(), local, functools.partial(later, 1), [{"x": Own()}]):
-        assert kept.entry_name(part, 8) is None
-    assert kept.entry_name(functools.partial(np.add, 1), PlantState) is not None
-    monkeypatch.setattr(kept, "loaded_as_written", lambda package: False)
-    assert kept.entry_name(1.0) is None
-    monkeypatch.setattr(kept, "loaded_as_written", lambda package: True)
-    monkeypatch.setenv(kept.SETTING, "0")
-    assert kept.entry_name(1.0) is None
+        assert kernel_store.entry_name(part, 8) is None
+    assert kernel_store.entry_name(functools.partial(np.add, 1), PlantState) is not None
+    monkeypatch.setattr(kernel_store, "loaded_as_written", lambda package: False)
+    assert kernel_store.entry_name(1.0) is None
+    monkeypatch.setattr(kernel_store, "loaded_as_written", lambda package: True)
+    monkeypatch.setenv(kernel_store.SETTING, "0")
+    assert kernel_store.entry_name(1.0) is None
 
 
 def test_code_that_a_program_can_reach_is_of_packages_below_its_own():
-    flight, study = (kept.entry_name(part).packages for part in (PlantState, Dispersed))
+    flight, study = (kernel_store.entry_name(part).packages for part in (PlantState, Dispersed))
     assert flight == ("core", "compiler", "spacecraft", "control", "simulation")
     assert flight < study
     assert study[-1] == "studies"
@@ -173,15 +175,15 @@ def test_code_that_a_program_can_reach_is_of_packages_below_its_own():
     assert levels.pop() == {"__main__"}
     at = 0
     for level in levels:
-        assert set(kept.LAYERS[at : at + len(level)]) == level
+        assert set(kernel_store.LAYERS[at : at + len(level)]) == level
         at += len(level)
-    assert at == len(kept.LAYERS)
+    assert at == len(kernel_store.LAYERS)
 
 
 HASHED = """
 import jaxsat.report.document, jaxsat.scenario.build.run, jaxsat.scenario.build.study
-from jaxsat.simulation.engine.native import kept
-print(*(len(kept.Entries(kept.EntryName("", kept.LAYERS[:n]))._code) for n in (5, 9, 10)))
+from jaxsat.simulation.engine.native.kernel_store import LAYERS, Entries, EntryName
+print(*(len(Entries(EntryName("", LAYERS[:count]))._code) for count in (5, 9, 10)))
 """
 
 
@@ -192,7 +194,9 @@ def test_jaxsat_itself_has_no_code_of_others():
 
 
 def made(number):
-    return kept.MadeKernel(b"%d" % number, 0, 0, Arguments({}, []), None, None, None, False, "")
+    return kernel_store.StoredKernel(
+        b"%d" % number, 0, 0, Arguments({}, []), None, None, None, False, ""
+    )
 
 
 def never(*arguments):
@@ -200,16 +204,18 @@ def never(*arguments):
 
 
 def look_up(name, number, make=None):
-    entry = None if name is None else kept.EntryName(name, ())
-    return kept.Entries(entry).look_up(kept.MadeKernel, make or (lambda: made(number)))
+    entry = None if name is None else kernel_store.EntryName(name, ())
+    return kernel_store.Entries(entry).look_up(
+        kernel_store.StoredKernel, make or (lambda: made(number))
+    )
 
 
 def test_an_entry_is_made_once_and_again_when_damaged(folder):
     assert look_up("one", 1) == made(1)
     assert look_up("one", 1, never) == made(1)
-    entry = folder / "one.MadeKernel.python.kernel"
+    entry = folder / "one.StoredKernel.python.kernel"
     content = entry.read_bytes()
-    other = folder / "two.MadeKernel.python.kernel"
+    other = folder / "two.StoredKernel.python.kernel"
     other.write_bytes(content)
     other.chmod(0o600)
     assert look_up("two", 2) == made(2)  # under another's name
@@ -221,7 +227,7 @@ def test_an_entry_is_made_once_and_again_when_damaged(folder):
 
 
 def code_in_memory(monkeypatch, **modules):
-    monkeypatch.setattr(kept, "loaded_code", lambda package, known, parts: modules)
+    monkeypatch.setattr(kernel_store, "loaded_code", lambda package, known, parts: modules)
 
 
 def test_an_entry_is_for_code_as_it_was_in_memory(monkeypatch):
@@ -248,7 +254,7 @@ def test_code_changed_while_an_entry_is_made_is_not_kept(monkeypatch, folder):
 
 
 def test_what_cannot_be_told_from_memory_is_not_kept(monkeypatch, folder):
-    monkeypatch.setattr(kept, "loaded_code", never)
+    monkeypatch.setattr(kernel_store, "loaded_code", never)
     assert look_up("one", 1) == made(1)
     assert not list(folder.glob("*.kernel"))
 
@@ -256,11 +262,11 @@ def test_what_cannot_be_told_from_memory_is_not_kept(monkeypatch, folder):
 def test_the_command_line_trusts_its_own_entries_alone(monkeypatch):
     code_in_memory(monkeypatch, law=b"changed")
     assert look_up("one", 1) == made(1)
-    monkeypatch.setenv(kept.SETTING, "1")
+    monkeypatch.setenv(kernel_store.SETTING, "1")
     code_in_memory(monkeypatch, law=b"of the file")
     assert look_up("one", 2) == made(2)
     assert look_up("one", 2, never) == made(2)
-    monkeypatch.delenv(kept.SETTING)
+    monkeypatch.delenv(kernel_store.SETTING)
     assert look_up("one", 2, never) == made(2)
     code_in_memory(monkeypatch, law=b"changed")
     assert look_up("one", 1, never) == made(1)
