@@ -185,11 +185,11 @@ def _stage(unit: Unit, stage: ProgramStage) -> str:
     texts = {param.number: text for param, text in zip(function.params, stage.inputs, strict=True)}
     begin = Context(function, texts)
     for result, place in zip(function.results, stage.outputs, strict=True):
-        expressions = {**texts, **begin.kept}
+        expressions = {**texts, **begin.places}
         if isinstance(result, Value) and result.number not in expressions:
-            begin.kept[result.number] = place
+            begin.places[result.number] = place
         else:
-            begin.left.append((place, result))
+            begin.assignments.append((place, result))
     trace = stage.program.trace
     if "seen" in unit.types:
         const = "" if stage.name == "estimate" else "const "

@@ -23,14 +23,14 @@ READ = ("p->", "at->", "in->", "now->", "seen->", "attitude[")
 class Context:
     """C expressions of a function's parameters and results that are fields, by the values' numbers.
 
-    `left` are results to be written to fields at the end, `results` says which arrays of results
-    are fields, and `wishes` are names for the array parameters, one each.
+    `assignments` are results to be written to fields at the end, `results` says which arrays of
+    results are fields, and `wishes` are names for the array parameters, one each.
     """
 
     function: Function
-    known: dict[int, str] = field(default_factory=dict)
-    kept: dict[int, str] = field(default_factory=dict)
-    left: list[tuple[str, Scalar]] = field(default_factory=list)
+    expressions: dict[int, str] = field(default_factory=dict)
+    places: dict[int, str] = field(default_factory=dict)
+    assignments: list[tuple[str, Scalar]] = field(default_factory=list)
     results: Sequence[bool] = ()
     wishes: Sequence[str] = ()
 
@@ -146,12 +146,12 @@ def _context(
     arguments = [arrays_in(call.args, source.params) for _, call in sites]
     for number, array in enumerate(params):
         texts = {
-            tuple(_text(x, by_identity[id(caller)].known) for x in args[number])
+            tuple(_text(x, by_identity[id(caller)].expressions) for x in args[number])
             for (caller, _), args in zip(sites, arguments, strict=True)
         }
         one = texts.pop()
         if not texts and all(text is not None and text.startswith(READ) for text in one):
-            context.known.update((x.number, text) for x, text in zip(array, one, strict=True))  # pyright: ignore
+            context.expressions.update((x.number, text) for x, text in zip(array, one, strict=True))  # pyright: ignore
     context.wishes = [_wish(args[0], trace, by_identity[id(sites[0][0])]) for args in arguments[0]]
     for array, wish in zip(params, context.wishes, strict=True):
         trace.names.update((x.number, wish) for x in array)  # pyright: ignore
@@ -161,7 +161,7 @@ def _context(
         outs = arrays_in(call.outs, source.results)
         every = zip(outs, results, source.results, strict=True)
         context.results = [
-            _keep(context, by_identity[id(caller)].kept, out, result, squeezed(shape))
+            _keep(context, by_identity[id(caller)].places, out, result, squeezed(shape))
             for out, result, shape in every
         ]
     return context
@@ -177,16 +177,16 @@ def _keep(
     parameters = {param.number for param in context.function.params}
     for x, text in zip(results, texts, strict=True):
         assert text is not None
-        if isinstance(x, Value) and x.number not in context.kept and x.number not in parameters:
-            context.kept[x.number] = text
+        if isinstance(x, Value) and x.number not in context.places and x.number not in parameters:
+            context.places[x.number] = text
         else:
-            context.left.append((text, x))
+            context.assignments.append((text, x))
     return True
 
 
 def _wish(x: Scalar, trace: Trace, caller: Context) -> str:
     """Return the name of an argument: of a field its last word."""
-    text = caller.known.get(x.number) if isinstance(x, Value) else None
+    text = caller.expressions.get(x.number) if isinstance(x, Value) else None
     if text is not None:
         return text.split("[")[0].split("->")[-1]
     return name_of(trace, x, "given")

@@ -194,11 +194,11 @@ class Unit(AbstractUnit):
         text, names, printed = python_function(self, heading, function, trace, context)
         name = self.write(text, names, lambda: self._name(identifier(word)))
         self.origins.setdefault(name, []).append(source)
-        arguments, found = (
+        arguments, outputs = (
             one and replace(one, kind=one.kind.replace("@", f"{name}_"))
-            for one in (printed.arguments, printed.found)
+            for one in (printed.arguments, printed.outputs)
         )
-        return replace(printed, name=name, arguments=arguments, found=found)
+        return replace(printed, name=name, arguments=arguments, outputs=outputs)
 
 
 def _word(function: Function) -> str:

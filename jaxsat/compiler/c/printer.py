@@ -79,18 +79,18 @@ class Printer:
             if passed:
                 args.append(self._arrays.argument(array, squeezed(shape)))
         count = len(args)
-        found = self.body.names.new("found") if printed.found is not None else ""
-        fields = iter(() if printed.found is None else printed.found.fields)
-        if printed.found is not None:
-            self.body.line(f"{printed.found.kind} {found};")
-            args.append(Expression(f"&{found}"))
+        record = self.body.names.new("found") if printed.outputs is not None else ""
+        fields = iter(() if printed.outputs is None else printed.outputs.fields)
+        if printed.outputs is not None:
+            self.body.line(f"{printed.outputs.kind} {record};")
+            args.append(Expression(f"&{record}"))
         result, after = None, []
         outs = arrays_in(step.outs, source.results)
         for array, shape, way in zip(outs, source.results, printed.results, strict=True):
             if way == "value":
                 result = array[0]
-            elif way == "pointer" and found:
-                self._arrays.found(array, squeezed(shape), f"{found}.{next(fields)}", after)
+            elif way == "pointer" and record:
+                self._arrays.found(array, squeezed(shape), f"{record}.{next(fields)}", after)
             elif way == "pointer":
                 args.append(self._arrays.receiver(array, squeezed(shape), after))
             else:

@@ -54,13 +54,13 @@ def _printed(
     source = function.source
     shapes = ((), ()) if source is None else (source.params, source.results)
     names = unit.scope()
-    expressions = {number: Expression(text) for number, text in context.known.items()}
-    places = dict(context.kept)
+    expressions = {number: Expression(text) for number, text in context.expressions.items()}
+    places = dict(context.places)
     array_shapes = dict(unit.shapes)
-    given = names.new("given") if in_records[0] else ""
-    found = names.new("found") if in_records[1] else ""
+    inputs = names.new("given") if in_records[0] else ""
+    outputs = names.new("found") if in_records[1] else ""
     arguments, passed = _parameters(
-        function, context, names, f"{given}->" if given else "", expressions, array_shapes
+        function, context, names, f"{inputs}->" if inputs else "", expressions, array_shapes
     )
     outs: dict[str, str] = {}
     results: list[str] = []
@@ -81,10 +81,10 @@ def _printed(
         results.append("pointer")
         name = names.new(name_of(trace, array[0], "result"))
         kind = TYPES[array[0].dtype]
-        outs[name] = f"{kind} {name}{dimensions(small)}" if small or found else f"{kind} *{name}"
-        out = f"{found}->{name}" if found else name
+        outs[name] = f"{kind} {name}{dimensions(small)}" if small or outputs else f"{kind} *{name}"
+        out = f"{outputs}->{name}" if outputs else name
         array_shapes[out] = small
-        scalar = out if found else f"*{out}"
+        scalar = out if outputs else f"*{out}"
         for index, x in zip(np.ndindex(small), array, strict=True):
             place = out + "".join(f"[{i}]" for i in index) if small else scalar
             if isinstance(x, Value) and x.number not in places and x.number not in expressions:
@@ -94,7 +94,7 @@ def _printed(
     function_name = None if source is None else source.name.split(".<locals>")[0]
     body = Body(trace, function, names, expressions, places, function_name, array_shapes)
     printer = Printer(unit, body)
-    assignments += context.left
+    assignments += context.assignments
     body.lines += fills(assignments, places.values())
     printer.block(function.block)
     zeroed = {place.split("[")[0] for place in _many_zeros(assignments)}
@@ -106,11 +106,11 @@ def _printed(
     lines = body.text()
     pointers = [one for one in POINTERS if one in unit.types and one in printer.pointers(lines)]
     params = {one: unit.types[one] for one in pointers}
-    params |= {given: f"const @arguments *{given}"} if given else arguments
-    params |= {found: f"@results *{found}"} if found else outs
+    params |= {inputs: f"const @arguments *{inputs}"} if inputs else arguments
+    params |= {outputs: f"@results *{outputs}"} if outputs else outs
     records = (
-        Record("@arguments", arguments) if given else None,
-        Record("@results", outs) if found else None,
+        Record("@arguments", arguments) if inputs else None,
+        Record("@results", outs) if outputs else None,
     )
     declarations = [line for one in records if one is not None for line in one.declaration()]
     kind = TYPES[values[0].dtype] if values else "void"
@@ -170,7 +170,7 @@ def _parameters(
     for array, shape, wish in zip(
         arrays_in(function.params, shapes), shapes, context.wishes, strict=True
     ):
-        passed.append(any(x.number not in context.known for x in array))
+        passed.append(any(x.number not in context.expressions for x in array))
         if not passed[-1]:
             continue
         name = names.new(wish)

@@ -21,7 +21,7 @@ class CallSignature:
     A result is a "field" written where it belongs, a returned "value", or a "pointer" written for
     the caller. `pointers` are the structures and `counts` the numbers before the arrays. With too
     many arrays, those passed are fields of the record `arguments`, or results that come back by a
-    pointer are those of `found`, or both.
+    pointer are those of `outputs`, or both.
     """
 
     name: str
@@ -30,7 +30,7 @@ class CallSignature:
     pointers: Sequence[str]
     counts: Sequence[str] = ()
     arguments: "Record | None" = None
-    found: "Record | None" = None
+    outputs: "Record | None" = None
 
 
 @dataclass(frozen=True)
