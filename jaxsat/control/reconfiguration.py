@@ -218,13 +218,3 @@ class Reconfiguration(eqx.Module):
         least = SMALL * jnp.max(jnp.abs(self.torque)) * jnp.sqrt(jnp.sum(across**2))
         reachable = jnp.any((limit > 0) & (across @ self.torque > least))
         return in_plane + jnp.where(reachable, across, 0.0)
-
-    def allocate(
-        self, limit: Float[Array, " m"], torque: Vector, steady: Vector
-    ) -> Float[Array, " m"]:
-        """Thrusts (relative to full thrust) up to a `limit` that produce `torque` + `steady` (N m).
-
-        Where that exceeds the capability, `steady` has priority, and of `torque` the largest
-        possible part is produced, in its direction.
-        """
-        return self.duties(torque, limit, steady)[0]

@@ -313,7 +313,7 @@ def test_a_valve_stuck_on_is_opposed_where_seven_others_can():
     assert least == pytest.approx(0.71, abs=0.005)
     steady = -reconfiguration.torque[:, STUCK]
     for share, balances in ((1.0, True), (1.001 * least, True), (0.99 * least, False)):
-        duty = reconfiguration.allocate(jnp.asarray(share * sound), jnp.zeros(3), steady)
+        duty = reconfiguration.duties(jnp.zeros(3), jnp.asarray(share * sound), steady)[0]
         left = np.linalg.norm(torque @ np.asarray(duty) + torque[:, STUCK])
         assert (left < 1e-9) == balances
     found = build_study(scenario, 3, seed=5).values(np.arange(3))

@@ -77,7 +77,7 @@ def test_no_torque_is_made_in_place_of_one_that_cannot_be():
     failed = jnp.where(np.arange(6) == 5, 0.0, 1.0)
     for third, part in ((-0.3, 0.0), (0.0, 1.0), (0.3, 1.0)):
         wanted = np.array([0.1, -0.2, third])
-        duty = np.asarray(made.allocate(failed, jnp.asarray(wanted), jnp.zeros(3)))
+        duty = np.asarray(made.duties(jnp.asarray(wanted), failed, jnp.zeros(3))[0])
         np.testing.assert_allclose(torque @ duty, part * wanted, atol=1e-15)
 
 
@@ -128,7 +128,7 @@ def test_beside_a_plane_a_torque_is_opposed_where_a_thruster_pushes_across():
         asked = made.beside_plane(jnp.asarray(limit), jnp.asarray(steady), directions)
         opposed = np.append(steady[:2], max(steady[2], 0.0))
         np.testing.assert_allclose(asked, opposed, atol=1e-15)
-        duty = np.asarray(made.allocate(jnp.asarray(limit), jnp.zeros(3), asked))
+        duty = np.asarray(made.duties(jnp.zeros(3), jnp.asarray(limit), asked)[0])
         np.testing.assert_allclose(torque @ duty, opposed, atol=1e-9)
 
 
@@ -252,7 +252,7 @@ def test_a_program_for_many_thrusters_is_as_long_as_one_for_few():
         def step(failed, flow, wanted):
             condition = ActuatorCondition(failed, 1 - flow, flow, wanted, jnp.array(0.0))
             ability = made.find(condition, made.whole)
-            return made.allocate(ability.limit, wanted, made.torque @ flow)
+            return made.duties(wanted, ability.limit, made.torque @ flow)[0]
 
         return str(jax.make_jaxpr(step)(jnp.zeros(count, bool), jnp.zeros(count), jnp.zeros(3)))
 

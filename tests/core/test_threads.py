@@ -34,7 +34,7 @@ from jaxsat.scenario import control, plugins, wording
 from jaxsat.scenario.optimisers import OptimiserSettings
 from jaxsat.scenario.parts import named
 from jaxsat.simulation.engine import runge_kutta
-from jaxsat.simulation.engine.native import kept
+from jaxsat.simulation.engine.native import kernel_store
 from jaxsat.spacecraft.environment.orbit import CircularOrbit, DipoleField
 from jaxsat.store.provenance import _processor, _versions
 from jaxsat.studies import designs, run, statistics
@@ -94,8 +94,8 @@ FUNCTIONS = [
     (_processor, tuple),
     (_places, lambda: (3,)),
     (functions.program, lambda: ("atan2", "float64", "float64")),
-    (kept._packages_and_sources, lambda: (Path(jaxsat.__file__).parent,)),
-    (kept._known_roots, tuple),
+    (kernel_store._packages_and_sources, lambda: (Path(jaxsat.__file__).parent,)),
+    (kernel_store._known_roots, tuple),
     (_shared, lambda: (-1,)),
 ]
 
