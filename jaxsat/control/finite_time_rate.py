@@ -15,6 +15,7 @@ from jaxsat.control.normal_form import NormalForm, tracking_torque
 from jaxsat.control.oscillatory import Tracking, turned
 from jaxsat.core.array_types import Pair, RealScalar, Vector
 from jaxsat.core.checks import positive
+from jaxsat.core.quotients import cube_root
 from jaxsat.spacecraft.dynamics import PlantState
 
 HELD = 0.7
@@ -114,7 +115,7 @@ class FiniteTimeRate(eqx.Module):
         """
         moments, c = self.form.moments[:2], third.coupling
         slopes = signs.sigma * self.factors(c)
-        root = self._root(third.rate)
+        root = cube_root(jnp.abs(third.rate) - self.dead_zone)
         failing = jnp.abs(third.rate) > signs.most
         references = turned(third.axes, *slopes)
         share = jnp.where(failing, 0.0, self._feasible(references * root, omega[2]))
@@ -140,7 +141,3 @@ class FiniteTimeRate(eqx.Module):
         gyroscopic = self.form.gyroscopic_torque(jnp.concatenate([reference, slow[None]]))
         most = jnp.max(jnp.abs(gyroscopic)) / (HELD * self.torque_limit)
         return 1 / jnp.maximum(most, 1.0)
-
-    def _root(self, omega3: RealScalar) -> RealScalar:
-        excess = jnp.maximum(jnp.abs(omega3) - self.dead_zone, 0.0)
-        return jnp.where(excess > 0, jnp.cbrt(jnp.where(excess > 0, excess, 1.0)), 0.0)

@@ -24,7 +24,7 @@ from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.one_torque import ONE_TORQUE
 from jaxsat.core.declaration.tuned_gains import Scaling
 from jaxsat.core.inertia import LEAST_TORQUE_TILT, torque_axis_frame
-from jaxsat.core.quotients import SMALLEST
+from jaxsat.core.quotients import SMALLEST, cube_root
 from jaxsat.spacecraft.dynamics import PlantState
 
 RATE_GAIN = 12.0
@@ -231,7 +231,7 @@ class OneTorque(AbstractSampledController):
         braking_room = jnp.maximum(x - tolerance, 0.0)
         most_held = HELD * self.torque_limit / (frame.gamma * across)
         turn = jnp.minimum(self.turn_ratio * across, most_held)
-        brake = jnp.minimum(_cube_root(3 * force * braking_room / frame.gamma), most_held)
+        brake = jnp.minimum(cube_root(3 * force * braking_room / frame.gamma), most_held)
         brake = jnp.where(jnp.abs(y) < BRAKE_SIDE * x, brake, 0.0)
         most = jnp.maximum(turn, brake)
         demand, sense = self._turning(frame, at, turn, brake, most, tolerance, SMALLEST * unit)
@@ -271,7 +271,3 @@ class OneTorque(AbstractSampledController):
         past_zero = (brake > turn) & (jnp.abs(y) < PASSED * turned) & (jnp.abs(w) > FAST * most)
         keeps = (past_zero | (jnp.abs(y) < tolerance)) & (w * sense < 0)
         return jnp.where(keeps, jnp.inf, size), jnp.where(keeps, -sense, sense)
-
-
-def _cube_root(value: RealScalar) -> RealScalar:
-    return jnp.where(value > 0, jnp.cbrt(jnp.where(value > 0, value, 1.0)), 0.0)

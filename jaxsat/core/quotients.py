@@ -75,6 +75,11 @@ def _root_jvp(primals, tangents):
     return value, jnp.where(positive, tangents[0] * (0.5 / jnp.where(positive, value, 1.0)), 0.0)
 
 
+def cube_root(x: RealScalar) -> RealScalar:
+    """Return ∛x, zero with a derivative of zero for x that is not positive."""
+    return jnp.where(x > 0, jnp.cbrt(jnp.where(x > 0, x, 1.0)), 0.0)
+
+
 def length(vector: Float[Array, " n"]) -> RealScalar:
     """Return the Euclidean norm |v|, with a derivative of zero at zero."""
     return root(jnp.sum(vector**2))

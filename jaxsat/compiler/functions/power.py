@@ -99,20 +99,15 @@ def _in_range(product: Double, rest: Double) -> tuple[Double, Double]:
 
 def _signs_and_ones(x: Double, y: Double, value: Double) -> Double:
     """Return `value`, the power of |x|, with the sign of x^y, NaN where it has none, and ones."""
-    whole = rounded_down(y) == y
+    whole = lax.floor(y) == y
     half = 0.5 * y
-    odd = whole & (rounded_down(half) != half)
+    odd = whole & (lax.floor(half) != half)
     turned = double_of(bits_of(value) | (np.int64(1) << 63))
     value = select(negative(x) & odd, turned, value)
     value = select((x < 0.0) & (x > -np.inf) & ~whole, np.nan, value)
     value = select(y != y, np.nan, value)
     infinite = lax.abs(y) == np.inf
     return select((x == 1.0) | (y == 0.0) | ((x == -1.0) & infinite), 1.0, value)
-
-
-def rounded_down(x: Double) -> Double:
-    """Return the largest integer that is not above x."""
-    return lax.floor(x)
 
 
 def cbrt(x: Double) -> Double:
