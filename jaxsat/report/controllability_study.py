@@ -80,6 +80,9 @@ class ControllabilityStudy(NamedTuple):
         without, lacking = self.judgement.without_rods, "magnetorquers"
         if uncounted is not None:
             first, without, lacking = uncounted.verdict(), self.judgement, "them"
+            if isinstance(uncounted, GyroCluster) and not uncounted.turning.any():
+                locked, lacking = "All gimbals are locked.", "the momentum of their rotors"
+                first = locked if without.actuators.names or without.orbit else first
         elif without is not None:
             first, sentence = sentence, verdict_sentence(without)
         else:

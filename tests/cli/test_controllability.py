@@ -70,6 +70,19 @@ def test_control_moment_gyros_have_a_verdict_of_their_own(capsys, tmp_path):
     assert not re.search("uncontrollable|all control|no law|rank", text)
 
 
+def test_locked_gyros_do_not_head_the_verdict_on_thrusters(capsys, tmp_path):
+    file, data = tmp_path / "locked.toml", document()
+    data["gimbal"] = [one | {"failed": True} for one in data["gimbal"]]
+    jet = {"torque_N_m": 0.1, "two_sided": True}
+    data["thruster"] = [{"torque_axis": axis, **jet} for axis in np.eye(3).tolist()]
+    file.write_text(dump(Scenario.model_validate(data)))
+    status, out, _ = run(capsys, "controllability", str(file))
+    assert status == 0
+    text = " ".join(out.split())
+    assert "All gimbals are locked. Without the momentum of their rotors: controllable" in text
+    assert "(Not controllable" not in text
+
+
 def test_the_verdict_on_a_wheel_and_magnetorquers_begins_with_what_they_can_do(capsys):
     status, out, _ = run(capsys, "controllability", "wheel-and-rods")
     assert status == 0

@@ -120,8 +120,7 @@ def _each_thruster_is_whole(thrusters):
             continue  # an unknown type, which another rule reports
         keys = {key for key in by_force + by_torque if getattr(one, key) is not None}
         if keys in (set(by_force), set(by_torque)):
-            arm = NO_ARM * np.linalg.norm(one.position_m or 0.0)
-            if np.abs(one.torque()).max() <= arm * np.linalg.norm(one.force()):
+            if _has_no_arm(one):
                 message = "must have a force that does not point through the centre of mass"
                 yield Issue(("thruster", number, "direction"), f"{message}, got no torque")
             continue
@@ -165,6 +164,11 @@ def _others_fly(makers: TorqueMakers, steered: bool) -> bool:
     return steered or bool(makers.wheels and commands)
 
 
+def _has_no_arm(thruster) -> bool:
+    arm = NO_ARM * np.linalg.norm(thruster.position_m or 0.0)
+    return bool(np.abs(thruster.torque()).max() <= arm * np.linalg.norm(thruster.force()))
+
+
 def _whole(thrusters) -> bool:
     return all((one.force_N is None) != (one.torque_N_m is None) for one in thrusters) and all(
         None not in ((one.position_m, one.direction) if one.force_N else (one.torque_axis,))
@@ -180,6 +184,8 @@ def _thrusters_make_what_the_law_commands(thrusters, law, wheels, *steered):
         return
     if not torques or not thrusters or not _whole(thrusters) or len(thrusters) > MAX_THRUSTERS:
         return
+    if any(_has_no_arm(one) for one in thrusters):
+        return  # another rule reports it
     makers = TorqueMakers.among(wheels, thrusters, np.zeros((3, 0)), law.declaration)
     torque, beside = makers.pushes, bool(makers.working_wheels)
     if _others_fly(makers, any(not one.failed for tables in steered for one in tables)):

@@ -51,8 +51,8 @@ def bound(
 ) -> Bound | None:
     """Return the least time (s) or effort (N m s) from a scenario's start to its target, or None.
 
-    None means that no start of the search arrives. The scenario has a torque limit and thrusters
-    that make a torque of either sign; its law does not matter. The `target` is rest in the orbit
+    None means that no start of the search arrives. The scenario has a torque limit and ideal
+    thrusters; its law does not matter. The `target` is rest in the orbit
     frame, or "rates" alone; the manoeuvre ends within the scenario's tolerances, or exactly there.
     `longest` (s) bounds the duration, by default the scenario's. Raises `UnsuitableScenario`,
     `UnsolvedBound`, and `ModuleNotFoundError` without CasADi.
@@ -134,8 +134,8 @@ def require_ideal_thrusters(scenario: Scenario, what: str) -> None:
     for kind, count in counts.items():
         if count:
             raise UnsuitableScenario(
-                f"{kind}: must be left out for {what}, which supports only thrusters that make a "
-                f"torque of either sign, got {count}"
+                f"{kind}: must be left out for {what}, which supports only ideal thrusters, the "
+                f"rows of spacecraft.thruster_torque_axes, got {count}"
             )
     in_flight = [one.of for one in scenario.failure if not one.of_sensor]
     if in_flight:

@@ -194,6 +194,7 @@ def test_mistakes_are_told(tmp_path, old, new, key, message):
         load(written(tmp_path, text.replace(old, new, 1)))
     told = [str(problem) for problem in caught.value.problems]
     assert any(key in line and message in line for line in told), told
+    assert not any("Argument" in line for line in told), told
 
 
 PAIR = """\
