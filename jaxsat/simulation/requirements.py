@@ -200,7 +200,7 @@ def margin_of(
 ) -> Margin:
     """The margin after the last observation, at the `end` (s) of a run.
 
-    The margin is infinite where no window has begun.
+    The margin is infinite where no window has begun, and so is that of its negation.
     """
     tracks = zip(*_windows(formula, end, failures), monitor.tracks, strict=True)
     holds_always = Margin.none(jnp.inf, monitor.time)
@@ -213,6 +213,9 @@ def margin_of(
     def of(part: Formula) -> Margin:
         if isinstance(part, Temporal):
             return margin_at.get(id(part), holds_always)
+        if isinstance(part, Negation):
+            whole = of(part.part)
+            return _either(whole.value == jnp.inf, whole, whole.negated())
         return _combined(part, of)
 
     return of(formula)

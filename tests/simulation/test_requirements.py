@@ -28,6 +28,8 @@ FORMULAS = [
     "rate_x < 1.5 rad/s until[5.1 s, 17.3 s] propellant < 0.3 kg",
     "(not (rate_x > 0.5 rad/s until rate_y > 1 rad/s) or always[0 s, 0 s] propellant < 1 kg)",
     "always[50.1 s, 50.2 s] rate_x < 0 rad/s",
+    "not eventually[100 s, 200 s] rate_x > 0.1 rad/s",
+    "not within 8 s of failure rate_x > 5 rad/s",
 ]
 
 
@@ -44,7 +46,8 @@ def at_each(formula, values):
 
 def by_all_instants(formula, times, values, failures):
     if isinstance(formula, Negation):
-        return -by_all_instants(formula.part, times, values, failures)
+        whole = by_all_instants(formula.part, times, values, failures)
+        return whole if whole == np.inf else -whole
     if isinstance(formula, Junction):
         parts = [by_all_instants(part, times, values, failures) for part in formula.parts]
         return min(parts) if formula.every else max(parts)
@@ -102,6 +105,20 @@ def test_a_run_that_ended_early_has_no_margin_after_its_end():
         assert np.isfinite(margin) == has_margin
     after_the_end = parse("always[failure, end] propellant < 2 kg")
     assert saved_margin(after_the_end, times, signals, np.array([20.0])).value == np.inf
+
+
+def test_what_no_failure_has_tried_is_not_violated():
+    """A window that has not begun is not judged, whatever its formula says of it."""
+    times, signals = np.arange(11.0), {"omega": np.ones((11, 3))}
+    for text in (
+        "within 5 s of failure rate < 0.1 rad/s",
+        "not within 5 s of failure rate > 0.1 rad/s",
+        "not (within 5 s of failure rate > 0.1 rad/s and always[20 s, 30 s] rate > 0.1 rad/s)",
+    ):
+        for failures, untried in ((np.zeros(0), True), (np.array([20.0]), True), ([2.0], False)):
+            margin = float(saved_margin(parse(text), times, signals, np.asarray(failures)).value)
+            assert (margin == np.inf) == untried
+            assert untried or margin == pytest.approx(0.1 - np.sqrt(3.0))
 
 
 def test_signals_are_those_of_other_libraries():
