@@ -104,7 +104,8 @@ def momentum_budget(dataset: Dataset) -> str:
     """Describe the momentum that external torques, and actuators without storage, give.
 
     It is in inertial axes, N m s: the mean of whole orbits, or that of a run shorter than one.
-    Empty without wheels.
+    Empty without wheels; without external torques where their waves are shorter than saved times
+    show.
     """
     tables, time = scenario_tables(dataset), dataset["time"].values
     if "wheel_torque" not in dataset or len(time) < 2:
@@ -115,7 +116,7 @@ def momentum_budget(dataset: Dataset) -> str:
         end = time[0] + 2 * math.pi * orbits / rate
         dataset = dataset.isel(time=slice(0, int(np.searchsorted(time, end, side="right"))))
     shares, parts = shares_of(dataset), []
-    if "disturbance" in dataset:
+    if "disturbance" in dataset and _resolves_waves(dataset):
         parts.append(("external torques", dataset["disturbance"].values, False))
     others = ((name, torque) for name, torque in (shares or {}).items() if name != "wheels")
     parts += [(name, torque, _is_held(dataset)) for name, torque in others]
@@ -125,6 +126,18 @@ def momentum_budget(dataset: Dataset) -> str:
         if momentum > 0:
             texts.append(f"{number_text(momentum / max(orbits, 1), 3)} N m s by {name}")
     return f"{', '.join(texts)}, {'in an orbit' if orbits else 'in all'}" if texts else ""
+
+
+RESOLVED = 1.0
+"""Largest angle (rad) of a periodic torque between saved times whose integral they give."""
+
+
+def _resolves_waves(dataset: Dataset) -> bool:
+    """Whether saved times resolve the periodic torque of the scenario."""
+    table = scenario_tables(dataset).get("disturbance", {})
+    waves = zip(table.get("amplitude_N_m", ()), table.get("frequency_rad_s", ()), strict=False)
+    fastest = max((abs(rate) for size, rate in waves if size), default=0.0)
+    return bool(fastest * np.diff(dataset["time"].values).max() <= RESOLVED)
 
 
 def _impulse(

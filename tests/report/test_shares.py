@@ -65,6 +65,18 @@ def test_momentum_from_outside_is_that_of_whole_orbits_in_inertial_axes():
     assert float(short.split()[0]) == pytest.approx(3e-4 * orbit / 2, rel=5e-3)
 
 
+@pytest.mark.parametrize(("angle", "resolved"), [(0.9, True), (2 * np.pi, False)])
+def test_waves_that_saved_times_alias_have_no_momentum(angle, resolved):
+    """A torque that oscillates once between two saved times looks constant there."""
+    step = 0.5 * 2 * np.pi / ORBIT / 4000
+    waves = (
+        f"[disturbance]\namplitude_N_m = [1.0, 0, 0]\nfrequency_rad_s = [{angle / step}, 0, 0]\n"
+    )
+    outside = np.array([1e-4, 2e-4, -2e-4])
+    found = momentum_budget(run(0, push=0 * outside, outside=outside, scenario=SCENARIO + waves))
+    assert ("external torques" in found) == resolved
+
+
 def test_pulses_between_saved_times_count():
     """The second wheel, with a rotor of 0.5 kg m², makes sin t; the first seizes at 5.5 s."""
     time, rotor = np.arange(11.0), 0.5
