@@ -119,7 +119,7 @@ class SensorDeclaration(PartDeclaration):
     unit: str | None = None
     kinds: tuple[AbstractFailureKind, ...] = tuple(SensorFailureKind)
 
-    def made(self, table: Mapping[str, Any], context: Any) -> Any:
+    def from_table(self, table: Mapping[str, Any], context: Any) -> Any:
         """Return the sensor of a checked table in a `SensorContext`."""
         part = pkgutil.resolve_name(self.maker)(table, context)
         if self.unit is None:

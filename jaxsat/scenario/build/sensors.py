@@ -88,7 +88,9 @@ def _sensors(scenario: Scenario) -> dict[str, Any]:
     """The sensors of a scenario by the names of their tables, those of packages last."""
     context = sensor_context(scenario)
     tables = [(one, getattr(scenario, one.name)) for one in SENSORS]
-    own = {one.name: one.made(dict(table), context) for one, table in tables if table is not None}
+    own = {
+        one.name: one.from_table(dict(table), context) for one, table in tables if table is not None
+    }
     others = {name: _other(name, table, context) for name, table in scenario.sensor.items()}
     return own | others
 

@@ -94,7 +94,7 @@ def rate_noise(scenario: Scenario) -> float:
         return float(impulse / least)
     if scenario.gyro is not None:
         context = sensor_context(scenario)
-        gyro = GYRO.made(dict(scenario.gyro), context)
+        gyro = GYRO.from_table(dict(scenario.gyro), context)
         return float(gyro.rate_variance(as_float(context.period))) ** 0.5
     return 0.0 if scenario.sampling is None else scenario.sampling.rate_noise_rad_s
 
