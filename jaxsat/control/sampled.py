@@ -21,7 +21,7 @@ from jaxsat.core.declaration.keys import Key
 from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.core.errors import ArgumentError
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.spacecraft.held_effector import Decision
+from jaxsat.spacecraft.held_effector import GuardDecision
 
 
 class OneMode(enum.IntEnum):
@@ -137,12 +137,12 @@ class Guard(eqx.Module):
         last = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), command)
         return GuardState(last, jnp.zeros_like(self.hold_samples))
 
-    def decide(self, valid: BoolScalar, state: GuardState) -> Decision:
+    def decide(self, valid: BoolScalar, state: GuardState) -> GuardDecision:
         """The decision at a sample."""
-        return Decision(valid, state.missed < self.hold_samples)
+        return GuardDecision(valid, state.missed < self.hold_samples)
 
     def command(
-        self, decision: Decision, command: PyTree, state: GuardState
+        self, decision: GuardDecision, command: PyTree, state: GuardState
     ) -> tuple[PyTree, GuardState]:
         """The commands, from the `command` of a step, and the next state."""
 

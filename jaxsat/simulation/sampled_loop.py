@@ -21,7 +21,7 @@ from jaxsat.simulation.loops import AbstractLoop, plant_signals
 from jaxsat.simulation.trajectory import Signals
 from jaxsat.spacecraft.distribution import AbstractDistribution, Direct, Shares
 from jaxsat.spacecraft.dynamics import BodyMotion, OfEach, PlantState, RigidBody
-from jaxsat.spacecraft.held_effector import Decision, Hold, hold_by_hold, mean_size
+from jaxsat.spacecraft.held_effector import GuardDecision, Hold, hold_by_hold, mean_size
 from jaxsat.spacecraft.sensors import DrawnSensors, Sensors, Tachometers
 
 
@@ -50,7 +50,7 @@ class _Planned(NamedTuple):
     plans: OfEach
     memory: Memory
     guard: GuardState | None
-    decision: Decision | None = None
+    decision: GuardDecision | None = None
 
 
 Integrator = Callable[[RealScalar, Hold, PlantState, PyTree], tuple[PlantState, PyTree]]
@@ -261,7 +261,11 @@ class SampledLoop(AbstractLoop):
         return dataclasses.replace(signals, torque_unmade=unmade)
 
     def _plans(
-        self, t: RealScalar, uses: OfEach, state: SampledState, decision: Decision | None = None
+        self,
+        t: RealScalar,
+        uses: OfEach,
+        state: SampledState,
+        decision: GuardDecision | None = None,
     ) -> OfEach:
         """The plan of each effector for the period that begins at time `t` (s)."""
         parts = zip(self.plant.effectors, uses, state.effectors, strict=True)

@@ -33,7 +33,7 @@ class Hold(NamedTuple):
         return self._replace(begin=self.begin + elapsed, length=length)
 
 
-class Decision(NamedTuple):
+class GuardDecision(NamedTuple):
     """Whether a law makes a step at a sample, and, if not, whether the last commands are held."""
 
     steps: BoolScalar
@@ -112,7 +112,7 @@ class AbstractHeldEffector(eqx.Module):
         memory: PyTree,
         period: RealScalar,
         delay: RealScalar | None,
-        decision: Decision | None = None,
+        decision: GuardDecision | None = None,
     ) -> PyTree:
         """Return the plan of the period (s) that begins at time `t` (s), for a law's command `use`.
 
