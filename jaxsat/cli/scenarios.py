@@ -191,11 +191,11 @@ def _require_vehicle(scenario: "Scenario") -> None:
 
 
 def _require_flight_code(scenario: "Scenario") -> None:
-    from jaxsat.flight.flight import FlightController, flight_loop
+    from jaxsat.flight.flight import FlightController, Seen, flight_loop
     from jaxsat.scenario.build.run import build
 
     run = build(scenario)  # already built by the check
-    FlightController.of(flight_loop(run.loop, run.start))
+    FlightController.of(flight_loop(run.loop, run.start)).require_steered(Seen.of(run.start))
 
 
 VEHICLE_TRIALS = {"design": _require_vehicle}

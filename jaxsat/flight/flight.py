@@ -14,13 +14,15 @@ from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.array_types import IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import AbstractAttitude, Quaternion
 from jaxsat.core.declaration.laws import value_of
-from jaxsat.core.errors import ArgumentError, JaxsatError
+from jaxsat.core.errors import ArgumentError, JaxsatError, foreign_exceptions
+from jaxsat.core.once import once
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.distribution import AbstractDistribution
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import AbstractEffector
-from jaxsat.spacecraft.wheels import WheelMomenta
+from jaxsat.spacecraft.steering import AbstractSteering
+from jaxsat.spacecraft.wheels import WheelMomenta, wheel_momentum
 
 UNITS = {
     "attitude": "1",
@@ -66,6 +68,11 @@ class Seen(NamedTuple):
     attitude: AbstractAttitude
     omega: Vector
     wheel_momentum: Float[Array, " wheels"] | None = None
+
+    @staticmethod
+    def of(state: PlantState) -> "Seen":
+        """Return the input for an estimate of the plant's state."""
+        return Seen(state.attitude, state.omega, wheel_momentum(state))
 
     def as_state(self) -> PlantState:
         """Return the state of a plant with these numbers, as laws take it."""
@@ -134,11 +141,6 @@ class FlightController(eqx.Module):
                 f"control.law: must be a law with flight code, got {value_of(type(law))}: "
                 f"{law.no_flight_code}"
             )
-        for one in getattr(loop.distribution, "steering", ()):
-            raise CannotExport(
-                f"{one.kind}: must be left out of what becomes flight code, which has no part that "
-                f"steers it, got {type(one).__name__}"
-            )
         parts = (loop.controller, loop.distribution, loop.plant.effectors)
         navigation = loop.navigation
         if navigation is None:
@@ -151,14 +153,17 @@ class FlightController(eqx.Module):
             )
         return FlightController(*parts, navigation.estimator, navigation.attitude_sigma)
 
-    def sample(self, now: Input, state: State) -> tuple[SampleCommands, State]:
-        """Return the commands of a sample, counted from the first on, and the state after it."""
+    def sample(self, now: Input, state: State) -> tuple[Any, State]:
+        """Return the commands of a sample, counted from the first on, and the state after it.
+
+        They are `SampleCommands`, with further fields for effectors of packages.
+        """
         law_input, memory = now.measured, state.estimator
         if self.estimator is not None:
             law_input, memory = self.estimate(now, memory)
         command, mode, law = self.control(now.sample, law_input, state.law)
-        commands, modulation = self.allocate(law_input, command, state.modulation)
-        return SampleCommands(command, mode, **commands), State(law, memory, modulation)
+        commands, modulation = self.allocate(law_input, command, state.modulation, now.sample)
+        return _commands_of(command, mode, commands), State(law, memory, modulation)
 
     def begin(self, attitude: Array, now: Input) -> State:
         """Return the state before the first sample, of which `now` is the input."""
@@ -177,21 +182,58 @@ class FlightController(eqx.Module):
         )
         return Seen(estimate.attitude, estimate.omega, measured.wheel_momentum), memory
 
+    @property
+    def steering(self) -> tuple[AbstractSteering, ...]:
+        """Steering of effectors besides the law, which depends on the time."""
+        return getattr(self.distribution, "steering", ())
+
+    def require_steered(self, law_input: Seen) -> None:
+        """Raise `CannotExport` for a steering that needs more than the input of the law."""
+        kinds = {one.kind: one for one in self.effectors}
+        for one in self.steering:
+            owner = kinds[one.kind]
+
+            def commands(state, one=one, owner=owner):
+                use, _ = one(jnp.zeros(()), state, jnp.zeros(3))
+                return owner.flight_commands(use, None, self.law.period)[0]
+
+            rule = f"{one.kind}: must be left out of what becomes flight code"
+            try:
+                names = jax.eval_shape(commands, law_input.as_state()).keys()
+            except foreign_exceptions() as error:
+                text = str(error).strip().partition("\n")[0]
+                raise CannotExport(
+                    f"{rule}, which has attitude, rates and momenta of wheels alone, got "
+                    f"{type(one).__name__}: {text}"
+                ) from error
+            if not names or names & set(SampleCommands._fields[:2]):
+                got = " and ".join(names) or "none"
+                raise CannotExport(
+                    f"{rule} without `flight_commands` with names of their own in "
+                    f"{type(owner).__name__}, got {got}"
+                )
+
     def control(
         self, sample: Array, law_input: Seen, memory: PyTree
     ) -> tuple[Array, Array, PyTree]:
         """Return the law's command (N m), its mode and its memory; sample 0 is at time 0."""
-        period = jnp.asarray(self.law.period)
-        time = jnp.asarray(sample, period.dtype) * period
-        command, memory = self.law.step(time, law_input.as_state(), memory)
+        command, memory = self.law.step(self._time(sample), law_input.as_state(), memory)
         return command, self.law.mode(memory), memory
 
+    def _time(self, sample: Array) -> Array:
+        """Return the time of a sample, s."""
+        period = jnp.asarray(self.law.period)
+        return jnp.asarray(sample, period.dtype) * period
+
     def allocate(
-        self, law_input: Seen, command: Array, memory: PyTree
+        self, law_input: Seen, command: Array, memory: PyTree, sample: Array | None = None
     ) -> tuple[dict[str, Array], PyTree]:
-        """Return the effectors' commands by `SampleCommands`' names, and the modulator's memory."""
-        # What steers effectors alone asks for the time, and is no part of flight code.
-        uses = self.distribution(jnp.zeros(()), law_input.as_state(), command, self.effectors).uses
+        """Return the effectors' commands by name, and the modulator's memory.
+
+        Only steering needs the `sample`.
+        """
+        time = self._time(sample) if self.steering and sample is not None else jnp.zeros(())
+        uses = self.distribution(time, law_input.as_state(), command, self.effectors).uses
         commands: dict[str, Array] = {}
         for one, use in zip(self.effectors, uses, strict=True):
             own, memory = one.flight_commands(use, memory, self.law.period)
@@ -211,6 +253,20 @@ class FlightController(eqx.Module):
     def begin_modulation(self) -> PyTree:
         """Return the modulator's memory before the first sample."""
         return modulator_of(self.effectors, [one.init_memory() for one in self.effectors])
+
+
+def _commands_of(command: Array, mode: Array, others: dict[str, Array]) -> Any:
+    """Return `SampleCommands`, with further fields for commands of effectors of packages."""
+    if others.keys() <= set(SampleCommands._fields):
+        return SampleCommands(command, mode, **others)
+    return _with_commands(tuple(others))(command, mode, **others)
+
+
+@once
+def _with_commands(names: tuple[str, ...]) -> Any:
+    own = SampleCommands._fields
+    fields = (*own, *(name for name in names if name not in own))
+    return namedtuple(SampleCommands.__name__, fields, defaults=[None] * (len(fields) - 2))
 
 
 def modulator_of(effectors: Sequence[AbstractEffector], memories: Sequence[PyTree]) -> PyTree:

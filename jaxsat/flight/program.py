@@ -20,7 +20,6 @@ from jaxsat.flight.flight import FlightController, Input, SampleCommands, Seen, 
 from jaxsat.flight.measurements import measured_example
 from jaxsat.flight.whole_numbers import Macros, named, narrowed
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.spacecraft.wheels import wheel_momentum
 
 STRUCTURES = {
     "p": "parameters",
@@ -126,7 +125,8 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
 
     start = as_type(start, dtype)
     estimates = flight.estimator is not None
-    law_input = Seen(start.attitude, start.omega, wheel_momentum(start))
+    law_input = Seen.of(start)
+    flight.require_steered(law_input)
     q = start.attitude.as_quaternion().q
     measured = as_type(measured_example(loop, start), dtype)
     now = Input(jnp.zeros((), np.int32), measured)
@@ -169,7 +169,7 @@ def _structs(
     parameters: tuple[Field, ...],
     now: Input,
     start_state: State,
-    out: SampleCommands,
+    out: Any,
     law_input: Seen,
 ) -> dict[str, Struct]:
     """Return all structures, by the names in `STRUCTURES`."""
@@ -232,10 +232,11 @@ def _stages(
     )
     command = (control.program.outputs[0], out["torque"])
     commands = [text for name in sorted(out.keys() - {"torque", "mode"}) for text in out[name]]
+    steered = [(now.sample, clock)] if controller(defaults).steering else []
     allocate = stage(
         "allocate",
         "Allocation and modulation",
-        [law_argument, command, kept("modulation")],
+        [law_argument, command, kept("modulation"), *steered],
         [*commands, *keeps("modulation")],
     )
     stages = [control, allocate]

@@ -226,8 +226,8 @@ damps rates alone."""
 
 
 def test_each_law_that_can_become_flight_code_is_among_these():
-    """What steers rods for `magnetic` has no flight code, and the other laws of the library run in
-    continuous time."""
+    """`magnetic` takes orbits to settle, and the other laws of the library run in continuous
+    time."""
     flown = {load(name, keys).law.name for name, keys, *_ in LAWS}
     sampled = {name for name, law in ALL_LAWS.items() if law.declaration.sampled}
     assert flown == sampled - {"magnetic"}

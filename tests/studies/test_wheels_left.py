@@ -87,9 +87,9 @@ def carrying(loop, *effectors):
 
 
 def test_torques_of_devices_of_another_package_count(four):
-    wheels, vanes = four.plant.effectors[0], Vanes(jnp.eye(3))
+    wheels, vanes = four.plant.effectors[0], Vanes(columns=jnp.eye(3))
     assert left(carrying(four, vanes)) == TorquesLeft.THREE_AXES
-    assert left(carrying(four, Vanes(jnp.eye(3)[:, :1]))) == TorquesLeft.TOO_FEW
+    assert left(carrying(four, Vanes(columns=jnp.eye(3)[:, :1]))) == TorquesLeft.TOO_FEW
     dead = [(number, "dead", np.nan) for number in range(4)]
     assert left(carrying(four, wheels, vanes), *dead) == TorquesLeft.THREE_AXES
 
