@@ -253,7 +253,7 @@ def table(dataset: xr.Dataset) -> pd.DataFrame:
 
 
 def matlab_names(names: Iterable[str], reserved: Iterable[str] = ()) -> dict[str, str]:
-    """Return a valid and different name of MATLAB for each name; none of them is `taken`."""
+    """Return a valid and different name of MATLAB for each name; none is `reserved`."""
     used, valid = set(reserved), {}
     for name in names:
         word = re.sub(r"\W", "_", name, flags=re.ASCII)

@@ -49,7 +49,7 @@ def found_calls(
     random_calls: Float[np.ndarray, "calls numbers"],
     samples: Float[np.ndarray, "n given"],
 ) -> Float[np.ndarray, "found numbers"]:
-    """Return calls that run a branch, or an outcome of a comparison, which none of `drawn` does.
+    """Return calls that run a branch, or an outcome of a comparison, which no random call does.
 
     Parameters stay within their bounds. `files` are the sources by name. Raises `NoSearch` where no
     compiler on this machine can instrument blocks, and where compiler or search fail.

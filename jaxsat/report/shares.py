@@ -143,8 +143,8 @@ def _resolves_waves(dataset: Dataset) -> bool:
 def _impulse(
     dataset: Dataset, torque: Float[np.ndarray, "n 3"], *, in_steps: bool
 ) -> Float[np.ndarray, "3"]:
-    """Return ∫ torque dt in inertial axes, N m s, by the trapezoidal rule; `held` torques are means
-    until the next time."""
+    """Return ∫ torque dt in inertial axes, N m s, by the trapezoidal rule; torques
+    `in_steps` are means until the next time."""
     before = after = _in_inertial(dataset, torque)
     if in_steps:
         after = _in_inertial(dataset, np.concatenate([torque[:1], torque[:-1]]))

@@ -12,7 +12,7 @@ MARK_ROWS, MARK_STEP = 9, 0.1
 
 
 def paint_marks(panel: Axes, timeline: Timeline, *, with_names: bool) -> None:
-    """Paint dotted lines at the instants, as one object, with their names if `named`."""
+    """Paint dotted lines at the instants, as one object, with their names if `with_names`."""
     if not timeline.marks:
         return
     instants = [at for at, _ in timeline.marks]

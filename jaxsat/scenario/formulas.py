@@ -75,7 +75,7 @@ class _Parser:
         return match.group(1) if match else self.text[self.place :].strip()[:1]
 
     def take(self, *words: str) -> bool:
-        """Consume the next word or mark if it is one of `wanted`; return whether it was."""
+        """Consume the next word or mark if it is one of `words`; return whether it was."""
         match = _TOKEN.match(self.text, self.place)
         if match is None or match.group(1) not in words:
             return False

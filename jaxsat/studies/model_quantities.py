@@ -125,8 +125,8 @@ def _with_attitude(perturbed: PerturbedLoop, attitude: AbstractAttitude) -> Pert
 def _of_tilt(change: Callable[[WZ, Values], WZ], values: ranges.Range) -> Quantity:
     """Quantity that changes the initial (w, z) parameters."""
 
-    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
-        return _with_attitude(perturbed, change(perturbed.start.attitude.as_wz(), values))
+    def apply(perturbed: PerturbedLoop, numbers: Values) -> PerturbedLoop:
+        return _with_attitude(perturbed, change(perturbed.start.attitude.as_wz(), numbers))
 
     return Quantity(apply, between(values))
 

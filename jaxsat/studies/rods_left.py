@@ -100,8 +100,8 @@ class RodsLeft(NamedTuple):
         """Return the part of the torque of stuck ones that healthy ones oppose over an orbit;
         infinite without one.
 
-        With the wheels `judged`, each of a `capacity` (N m s), they use at most `MOST_OPPOSING` of
-        their limits, and of the `tolerance` (rad) of the attitude.
+        With the wheels of the `judgement`, each of a `capacity` (N m s), they use at most
+        `MOST_OPPOSING` of their limits, and of the `tolerance` (rad) of the attitude.
         """
         rods = self.rods
         if rods is None or not np.any(rods.axes @ self.stuck):

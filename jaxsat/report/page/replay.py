@@ -92,8 +92,8 @@ def _failures_of_part(
 ) -> list[dict[str, Any]]:
     """Return the failures of a part in order of time (s), each replacing the one before.
 
-    The part may be `gone` before the start. Stuck and leaking kinds do not affect the way -1 of a
-    two-sided thruster.
+    The part may have `failed` before the start. Stuck and leaking kinds do not affect the way -1 of
+    a two-sided thruster.
     """
     if failed:
         return [{"at": 0.0, "kind": "failed"}]

@@ -238,7 +238,7 @@ def _outputs(program: Program, case: Case, progress: Progress, times, signals) -
         progress,
         plant,
         end,
-        case.drawn,
+        case.draws,
         program.running_cost,
         details=details,
         dwell=dwell,

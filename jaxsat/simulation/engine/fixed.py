@@ -322,7 +322,7 @@ def final_outputs(
         progress,
         plant,
         end,
-        case.drawn,
+        case.draws,
         program.running_cost,
         usage,
         program.interval,

@@ -27,7 +27,7 @@ class Case(NamedTuple):
 
     loop: AbstractLoop
     start: PlantState
-    drawn: dict[str, Array]
+    draws: dict[str, Array]
     possible: BoolScalar
 
 

@@ -54,8 +54,8 @@ class TuningResult:
 
     `receipt` says whether the gradients were right, `verdict` how both scenarios do on cases that
     were never tuned on, `baselines` what other methods reach; they are computed on first access.
-    `plan.remark` says why an engine was not used. `kept` is the document of an earlier complete run
-    in the same folder, else None.
+    `plan.remark` says why an engine was not used. `earlier_document` is that of an earlier complete
+    run in the same folder, else None.
     """
 
     original: Scenario
