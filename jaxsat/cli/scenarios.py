@@ -138,7 +138,7 @@ def _flown_by_none(scenario: "Scenario") -> Iterator[str]:
     if law is None or law.declaration.torques == 1:
         return
     if reason := why_no_law(scenario):
-        yield f"no law of jaxsat applies to the actuators left. {reason}"
+        yield reason
 
 
 def refusals(scenario: "Scenario") -> Iterator[str]:

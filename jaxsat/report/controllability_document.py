@@ -146,12 +146,14 @@ def controllability_lines(
     torque: float = 1.0,
     stopped: Judgement | None = None,
     magnetorquers: bool = False,
+    laws: str | None = None,
 ) -> list[str]:
     """Return the findings without the verdict; `torque` (N m) is the command for the time scales.
 
     `analysis` is that of the actuators' columns as torques of both signs, None where the momentum
     of wheels decides in place of their rank; `stopped` the judgement once coasting wheels have
-    stopped, None without any; `magnetorquers` whether some work.
+    stopped, None without any; `magnetorquers` whether some work; `laws` which laws apply, by
+    default those of the judgement.
     """
     jets = torque_cone(judgement.actuators.torques, judgement.actuators.two_sided)
     remarks = [
@@ -164,7 +166,7 @@ def controllability_lines(
         torques = f"{rod_torques(judgement.orbit)} at any instant"
     return [
         *([] if torques.lower() in verdict.lower() else [f"Torques: {torques}"]),
-        f"Laws: {LEFT[judgement.laws].words}",
+        f"Laws: {laws or LEFT[judgement.laws].words}",
         *[line for line in remarks if line is not None],
         *([] if analysis is None else _rank_lines(judgement, analysis, torque)),
     ]

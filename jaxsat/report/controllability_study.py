@@ -39,6 +39,7 @@ from jaxsat.scenario.build.actuator_set import (
     all_rods,
     gyro_cluster,
     judge_scenario,
+    law_words,
 )
 from jaxsat.scenario.build.balance import held_with_momentum, undriven_balance
 from jaxsat.scenario.build.plant import build_plant
@@ -146,7 +147,12 @@ def controllability_study(
     lines = [] if uncounted is None else uncounted.lines()
     if counts or uncounted is None:
         lines += controllability_lines(
-            judgement, analysis, torque=torque, stopped=stopped, magnetorquers=bool(places)
+            judgement,
+            analysis,
+            torque=torque,
+            stopped=stopped,
+            magnetorquers=bool(places),
+            laws=law_words(scenario, judgement),
         )
     stuck = stuck_on_words(scenario.spacecraft.inertia_kg_m2, judgement.actuators)
     of_rods = stuck_rod_words(scenario, judgement)

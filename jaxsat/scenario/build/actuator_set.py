@@ -23,6 +23,8 @@ from jaxsat.controllability.wording import verdict_sentence
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.gimbals import GIMBAL
 from jaxsat.scenario.build.plant import build_effectors, field_of
+from jaxsat.scenario.control import known_law
+from jaxsat.scenario.parts.registry import suits
 from jaxsat.scenario.parts.thrusters import ThrusterTable
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft.gimbals import ControlMomentGyros
@@ -119,30 +121,53 @@ def gyro_cluster(scenario: Scenario) -> GyroCluster | None:
 
 
 def why_no_law(scenario: Scenario) -> str | None:
-    """Return the verdict as a sentence where no law of jaxsat applies to the actuators that work at
-    the start; None where one does, or where actuators of a package may help."""
+    """Return a sentence where no law of jaxsat applies to the actuators that work at the start;
+    None where one does, or where actuators of a package may help."""
     known = (*(one.name for one in ACTUATORS if one.judged), GIMBAL.name)
     if any(getattr(scenario, one.name) for one in ACTUATORS if one.name not in known):
         return None
     judgement, gyros = judge_scenario(scenario), gyro_cluster(scenario)
-    if judgement.laws != "none" or (gyros is not None and gyros.torques == 3):
+    if gyros is not None and gyros.torques == 3:
         return None
-    return verdict_sentence(judgement) if gyros is None else gyros.verdict()
+    words = law_words(scenario, judgement)
+    if judgement.laws == "none":
+        reason = verdict_sentence(judgement) if gyros is None else gyros.verdict()
+        return f"{words} to the actuators left. {reason}"
+    return None if words == LEFT[judgement.laws].words else words
+
+
+def law_words(scenario: Scenario, judgement: Judgement) -> str:
+    """Return which laws apply by a judgement of the scenario, as text.
+
+    It is that of `LEFT`, unless no such law takes an actuator with a steering of its own.
+    """
+    words, laws = LEFT[judgement.laws].words, map(known_law, _laws_left(scenario, judgement))
+    declarations = [one.declaration for one in laws if one is not None]
+    for actuator in ACTUATORS if declarations else ():
+        refused = not any(suits(actuator, one) for one in declarations)
+        if actuator.steering and getattr(scenario, actuator.name) and refused:
+            return f"no law of jaxsat applies beside [[{actuator.name}]]; without it {words}"
+    return words
+
+
+def _laws_left(scenario: Scenario, judgement: Judgement) -> tuple[str, ...]:
+    """Names in `LEFT`; laws that command each actuator do not suit ideal thrusters."""
+    names = LEFT[judgement.laws].laws
+    if scenario.spacecraft.thruster_torque_axes is None:
+        return names
+    return tuple(name for name in names if name != FAULT_TOLERANT)
 
 
 def fitting_laws(scenario: Scenario, judgement: Judgement) -> list[str]:
     """Names of the laws of jaxsat for what a judgement of the scenario says is left.
 
     They are those of `LEFT`, after the one that finds failures of wheels and thrusters where some
-    strike in flight. Laws that command each actuator do not suit ideal thrusters.
+    strike in flight.
     """
-    names = LEFT[judgement.laws].laws
-    if scenario.spacecraft.thruster_torque_axes is not None:
-        names = tuple(name for name in names if name != FAULT_TOLERANT)
     strikes = any(not one.of_sensor for one in scenario.failure)
     finds_failures = strikes and (scenario.wheel or scenario.thruster)
     first = (FAULT_TOLERANT,) if finds_failures else ()
-    return list(dict.fromkeys(first + names))
+    return list(dict.fromkeys(first + _laws_left(scenario, judgement)))
 
 
 def borderline_words(scenario: Scenario) -> str | None:

@@ -70,9 +70,9 @@ def _declare_rules_of_actuator(actuator: ActuatorDeclaration) -> None:
 
     @rule(name, "control.law")
     def _law_commands_three_torques(tables, law):
-        if tables and actuator.steering and not _suits(actuator, law.declaration):
+        if tables and actuator.steering and not suits(actuator, law.declaration):
             own = ", which commands thrusters, wheels and magnetorquers alone"
-            names = (f'"{name}"' for name, one in LAWS.items() if _suits(actuator, one.declaration))
+            names = (f'"{name}"' for name, one in LAWS.items() if suits(actuator, one.declaration))
             yield at(
                 name,
                 "must belong to a sampled law that commands three torques "
@@ -89,8 +89,9 @@ def _declare_rules_of_actuator(actuator: ActuatorDeclaration) -> None:
             yield at(name, f"{message}, got {len(tables)} that have failed")
 
 
-def _suits(actuator: ActuatorDeclaration, declaration: LawDeclaration) -> bool:
-    """Whether a law commands three torques once a period, of any actuators or also of this one."""
+def suits(actuator: ActuatorDeclaration, declaration: LawDeclaration) -> bool:
+    """Whether a law takes an actuator with a steering of its own: it commands three torques once a
+    period, of any actuators or also of this one."""
     commands = not declaration.commands_actuators or actuator.name in declaration.steers
     return declaration.sampled and declaration.torques == 3 and commands
 

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxsat.control.what_is_left import LEFT
 from jaxsat.controllability.cone import ROUNDING
 from jaxsat.controllability.judgement import Judgement
 from jaxsat.controllability.wording import lost_words, verdict_sentence
@@ -17,7 +16,7 @@ from jaxsat.core.declaration.tuned_gains import STEPS
 from jaxsat.core.errors import JaxsatError
 from jaxsat.core.inertia import normal_axes
 from jaxsat.scenario import Scenario
-from jaxsat.scenario.build.actuator_set import judge_scenario
+from jaxsat.scenario.build.actuator_set import judge_scenario, law_words
 from jaxsat.scenario.build.balance import turn_to_held, undriven_balance
 from jaxsat.scenario.cautions import HELD_TURN
 from jaxsat.scenario.control import known_law
@@ -39,7 +38,8 @@ class VehicleVerdict:
     `lost` is what the actuators left lack, `turn` the rotation vector (rad, body axes) from the
     target to the nearest attitude that can be held without torque about the undriven axis: zeros
     where the target can be, None where none can. `balance` describes the environmental torque about
-    that axis, `in_flight` later failures, `orbit` whether gravity gradient acts.
+    that axis, `in_flight` later failures, `orbit` whether gravity gradient acts, `laws` which laws
+    apply.
     """
 
     judgement: Judgement
@@ -47,6 +47,7 @@ class VehicleVerdict:
     turn: tuple[float, float, float] | None
     in_flight: tuple[str, ...]
     orbit: tuple[str, ...]
+    laws: str
     balance: tuple[str, ...] = ()
 
     @property
@@ -73,7 +74,7 @@ class VehicleVerdict:
         """Return the verdict as sentences."""
         sentences = [verdict_sentence(self.judgement)]
         sentences.append(f"Missing: {self.lost}.")
-        sentences.append(f"Laws: {LEFT[self.judgement.laws].words}.")
+        sentences.append(f"Laws: {self.laws}.")
         if self.judgement.laws == "none":
             pass  # no law holds any attitude
         elif self.holds:
@@ -131,6 +132,7 @@ def vehicle_verdict(scenario: Scenario) -> VehicleVerdict:
         _held_turn(scenario, judgement) if balance is None else balance.turn,
         _in_flight(scenario),
         _orbit_lines(scenario),
+        law_words(scenario, judgement),
         () if balance is None else tuple(balance.lines()),
     )
 

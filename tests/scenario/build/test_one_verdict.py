@@ -301,3 +301,34 @@ def test_a_law_of_each_actuator_refuses_ideal_thrusters_once(beside, tmp_path):
     assert '"fault-tolerant", which commands each actuator (it takes [[thruster]])' in (
         problem.message
     )
+
+
+TWO_SIDED = "".join(
+    f"[[thruster]]\ntorque_axis = {axis}\ntorque_N_m = 0.01\nmin_on_time_s = 0.02\n"
+    "two_sided = true\n"
+    for axis in ("[1, 0, 0]", "[0, 1, 0]")
+)
+ROD = "[[magnetorquer]]\naxis = [0, 0, 1]\ndipole_limit_A_m2 = 0.2\n"
+ROWS = "thruster_torque_axes = [[1, 0, 0], [0, 1, 0]]\ntorque_limit_N_m = 0.01\n"
+
+
+@pytest.mark.parametrize(
+    ("rows", "beside", "words"),
+    [
+        (ROWS, ROD, "magnetorquer"),
+        (ROWS, GYROS.replace("rad_s = 0.5", "rad_s = 0.5\nfailed = true"), "gimbal"),
+        (ROWS, "", ""),
+        ("", f"{TWO_SIDED}{ROD}", ""),
+    ],
+)
+def test_laws_that_do_not_take_an_actuator_are_not_said_to_apply(
+    tmp_path, rows, beside, words, capsys
+):
+    file = _file(tmp_path, INERTIA, rows, "[orbit]\naltitude_km = 500\n", beside)
+    assert check(str(file)) == 0
+    without = f"no law of jaxsat applies beside [[{words}]]; without it the laws for two torques"
+    assert (without in capsys.readouterr().out) == bool(words)
+    scenario = read_vehicle(file, caution=lambda text: None).scenario
+    assert any(without in line for line in controllability_study(scenario).findings) == bool(words)
+    if words != "gimbal":
+        assert any(without in line for line in vehicle_verdict(scenario).lines()) == bool(words)
