@@ -1,5 +1,6 @@
 """Flying parts of a closed loop, estimator, law and actuator commands, as functions of trees."""
 
+from collections import namedtuple
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
