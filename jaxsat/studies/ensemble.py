@@ -116,7 +116,7 @@ class Study:
         columns = _by_column(outputs)
         if self.failures is None:
             return columns
-        draws = {name: np.asarray(values) for name, values in outputs.draws.items()}
+        draws = {name: np.asarray(values) for name, values in outputs.drawn.items()}
         return columns | self.failures.values(columns, draws)
 
     def replay(self, number: int) -> Replay:
@@ -202,7 +202,7 @@ class Study:
 
 def _by_column(outputs: Outputs) -> dict[str, np.ndarray]:
     arrays = {name: values for name, values in outputs._asdict().items() if values is not None}
-    draws = arrays.pop("draws")
+    draws = arrays.pop("drawn")
     arrays |= arrays.pop("parts")
     failures = arrays.pop("failures", {})
     errors, estimate = {}, arrays.pop("integration_error", None)

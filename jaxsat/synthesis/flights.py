@@ -126,7 +126,7 @@ def _kept(
     if outputs.integration_error is not None:
         yield "rate_error", np.asarray(outputs.integration_error.rate)
         yield "attitude_error", np.asarray(outputs.integration_error.attitude)
-    for key, values in outputs.draws.items():
+    for key, values in outputs.drawn.items():
         yield DRAWN + key, np.asarray(values)
 
 

@@ -110,7 +110,7 @@ TOGETHER = sorted(REACHES.keys() - {"attitude"})
 
 
 def assert_reached(copy, name):
-    drawn = copy.draws[name]
+    drawn = copy.drawn[name]
     np.testing.assert_allclose(
         REACHES[name](jax.tree.map(np.asarray, copy)), drawn, rtol=1e-9, atol=1e-12
     )
@@ -142,7 +142,7 @@ def test_misalignment_reaches_the_torque_axes():
     """Of each thruster its own pair, towards two directions across it that stay the same."""
     copy = copies_of(sampled(), 5, misalignment=Uniform(-0.02, 0.02))
     axes = np.asarray(copy.loop.plant.effectors[0].torque_axes)
-    drawn = np.asarray(copy.draws["misalignment"]).reshape(5, 2, 2)
+    drawn = np.asarray(copy.drawn["misalignment"]).reshape(5, 2, 2)
     for j in range(2):
         across = np.delete(axes[:, :, j], j, axis=1) / axes[:, j, j, None]
         directions = np.linalg.lstsq(drawn[:, j], across, rcond=None)[0]
@@ -156,7 +156,7 @@ def test_misalignment_reaches_the_torque_axes():
 def test_an_attitude_error_is_a_rotation_vector():
     copy = copies_of(sampled(), 5, attitude_error=Uniform(-1.5, 1.5))
     nominal = np.asarray(start().attitude.as_dcm().matrix)
-    for q, rotation in zip(copy.start.attitude.q, copy.draws["attitude_error"], strict=True):
+    for q, rotation in zip(copy.start.attitude.q, copy.drawn["attitude_error"], strict=True):
         expected = Rotation.from_rotvec(-np.asarray(rotation)).as_matrix() @ nominal
         np.testing.assert_allclose(Quaternion(q).as_dcm().matrix, expected, atol=1e-12)
 
@@ -168,7 +168,7 @@ def test_a_rate_error_counts_from_the_reference_at_the_dispersed_attitude():
     for i in range(5):
         state = jax.tree.map(lambda x, i=i: x[i], copy.start)
         error = loop.controller.rate_error(state)
-        np.testing.assert_allclose(error, copy.draws["rate_error"][i], atol=1e-14)
+        np.testing.assert_allclose(error, copy.drawn["rate_error"][i], atol=1e-14)
         assert 0.5 < jnp.linalg.norm(state.attitude.w) < 1.2
     assert "rate_error" in RATES
     assert np.ptp(copy.start.omega, axis=0).any()
@@ -180,7 +180,7 @@ def test_dispersions_add_up_and_leave_the_rest_alone():
     copy = copies_of(sampled(), 3, constant_torque=Uniform(-1.0, 1.0), **ranges)
     for name in ("inertia", "model_inertia", "constant_torque"):
         np.testing.assert_allclose(
-            REACHES[name](jax.tree.map(np.asarray, copy)), copy.draws[name], rtol=1e-9, atol=1e-12
+            REACHES[name](jax.tree.map(np.asarray, copy)), copy.drawn[name], rtol=1e-9, atol=1e-12
         )
     nominal = sampled()
     np.testing.assert_array_equal(
@@ -219,7 +219,7 @@ def test_only_possible_bodies_are_drawn():
     study = Dispersed(sampled(), start(), Dispersions(ranges), 3)
     points = Independent(3).points(np.arange(400), study.dimensions())
     first = jax.vmap(ranges["inertia"].quantile)(jnp.array(points[:, :3]))
-    kept = np.isclose(first, copy.draws["inertia"]).all(axis=1)
+    kept = np.isclose(first, copy.drawn["inertia"]).all(axis=1)
     assert 0.4 < kept.mean() < 0.95
 
 
@@ -286,7 +286,7 @@ def test_rotors_are_dispersed_in_the_plant_alone_and_stay_a_part_of_the_body():
     )
     copy = copies_of(loop, 60, rotor_inertia=Uniform([-0.5, -0.9], [0.5, 9.0]))
     found = np.asarray(effector_of(copy.loop.plant, Wheels).rotor_inertia)
-    np.testing.assert_allclose(found, [100.0, 50.0] * (1 + np.asarray(copy.draws["rotor_inertia"])))
+    np.testing.assert_allclose(found, [100.0, 50.0] * (1 + np.asarray(copy.drawn["rotor_inertia"])))
     assert found[:, 1].max() < 264.6
     assert np.ptp(found[:, 1]) > 150
     assert np.ptp(np.asarray(copy.loop.plant.spacecraft.inertia), axis=0).max() == 0

@@ -146,7 +146,7 @@ def test_an_impossible_body_is_coded(engine):
     found = study.evaluate(np.arange(6))
     assert found.code.tolist() == [int(Outcome.IMPOSSIBLE_CASE)] * 6
     assert np.isnan(found.cost).all()
-    assert np.isfinite(found.draws["omega"]).all()
+    assert np.isfinite(found.drawn["omega"]).all()
 
 
 @pytest.fixture(scope="module")

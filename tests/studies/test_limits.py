@@ -298,7 +298,7 @@ TAILS: Any = {"delay": Normal(0.05, 0.04), "rate_noise": Normal(0.0, 1e-3),
 
 
 def allowed(copy, name):
-    drawn = np.asarray(copy.draws[name])
+    drawn = np.asarray(copy.drawn[name])
     limits = QUANTITIES[name].limits(sampled())
     return ((drawn >= np.asarray(limits.low)) & (drawn <= np.asarray(limits.high))).all(axis=1)
 
@@ -329,7 +329,7 @@ def test_an_impossible_draw_fails_its_case_alone_and_is_counted():
     study = tumbling(24, 3, torque_gain=Normal(-0.9, 0.1))
     found = study.evaluate(np.arange(24))
     bad = found.code == int(Outcome.IMPOSSIBLE_CASE)
-    np.testing.assert_array_equal(bad, (found.draws["torque_gain"] < -1).any(axis=1))
+    np.testing.assert_array_equal(bad, (found.drawn["torque_gain"] < -1).any(axis=1))
     assert 2 < bad.sum() < 22
     for values in (found.cost, found.effort, found.omega, found.quaternion, found.peak_rate):
         assert np.isnan(values[bad]).all()

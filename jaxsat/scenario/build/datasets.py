@@ -86,9 +86,9 @@ def replayed_case(scenario: Scenario, study: "Study", number: int) -> LabelledAr
         seed=study.design.seed,
     )
     arrays.attrs["case"] = number
-    if (failures := _failures(scenario, study, replay.outputs.draws)) is not None:
+    if (failures := _failures(scenario, study, replay.outputs.drawn)) is not None:
         arrays.attrs["failures"] = toml_document({"failure": failures})
-    for name, values in replay.outputs.draws.items():
+    for name, values in replay.outputs.drawn.items():
         arrays.attrs[f"drawn_{name}"] = [float(value) for value in values]
     return arrays
 

@@ -190,7 +190,7 @@ class AdaptiveStepper(AbstractStepper):
         details = details_of(progress, ode.loop, final, t, progress.steps, dwell)
         progress = monitored(program, ode.loop, progress, t, final, success)
         outputs = outputs_of(
-            progress, plant, t, case.draws, program.running_cost, details=details, dwell=dwell
+            progress, plant, t, case.drawn, program.running_cost, details=details, dwell=dwell
         )
         return outputs._replace(requirements=margins_of(program, ode.loop, progress))
 

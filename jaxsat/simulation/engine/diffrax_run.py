@@ -238,7 +238,7 @@ def _outputs(program: Program, case: Case, progress: Progress, times, signals) -
         progress,
         plant,
         end,
-        case.draws,
+        case.drawn,
         program.running_cost,
         details=details,
         dwell=dwell,

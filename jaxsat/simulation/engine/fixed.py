@@ -322,7 +322,7 @@ def final_outputs(
         progress,
         plant,
         end,
-        case.draws,
+        case.drawn,
         program.running_cost,
         usage,
         program.interval,

@@ -27,7 +27,7 @@ class Case(NamedTuple):
 
     loop: AbstractLoop
     start: PlantState
-    draws: dict[str, Array]
+    drawn: dict[str, Array]
     possible: BoolScalar
 
 

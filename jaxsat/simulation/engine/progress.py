@@ -181,7 +181,7 @@ class Outputs(NamedTuple):
     z: Float[Array, "*n"]
     quaternion: Float[Array, "*n 4"]
     omega: Float[Array, "*n 3"]
-    draws: dict[str, Array]
+    drawn: dict[str, Array]
     parts: dict[str, Array]
     failures: dict[str, Array] | None = None
     details: Details | None = None
@@ -239,7 +239,7 @@ def outputs_of(
     progress: Progress,
     plant: PlantState,
     end: RealScalar,
-    draws: dict[str, Array],
+    drawn: dict[str, Array],
     cost: RunningCost | None,
     consumption: dict[str, Array] | None = None,
     interval: float | Array = 1.0,
@@ -279,7 +279,7 @@ def outputs_of(
         z=or_nan(wz.z),
         quaternion=or_nan(quaternion.q),
         omega=or_nan(plant.omega),
-        draws=draws,
+        drawn=drawn,
         parts=jax.tree.map(or_nan, (consumption or {}) | progress.peaks | unmade),
         failures=None if failures is None else failures.outputs(jnp.asarray(interval)),
         details=details,

@@ -224,7 +224,7 @@ def recovery_costs(outputs: Outputs, horizon: float, unrecovered: float) -> np.n
     `unrecovered`.
     """
     settled = np.asarray(outputs.settling_time)
-    strikes = outputs.draws.get("failure_time")
+    strikes = outputs.drawn.get("failure_time")
     since = 0.0 if strikes is None else np.clip(np.asarray(strikes).min(axis=-1), 0.0, horizon)
     return np.where(np.isfinite(settled), np.maximum(settled - since, 0.0) / horizon, unrecovered)
 

@@ -81,7 +81,7 @@ def test_they_reach_the_sensors_and_not_what_the_filter_believes():
     copy = copies_of(nominal, 5, **drawn)
     found = jax.tree.map(np.asarray, copy.loop.navigation)
     for name, read in REACHES.items():
-        numbers = np.asarray(copy.draws[name])
+        numbers = np.asarray(copy.drawn[name])
         if name in ("tracker_update_period", "tracker_latency"):
             numbers = np.round(numbers / PERIOD) * PERIOD
         np.testing.assert_allclose(read(found), numbers, rtol=1e-12, err_msg=name)

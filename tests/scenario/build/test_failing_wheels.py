@@ -109,7 +109,7 @@ def test_failures_of_both_kinds_of_part_are_drawn_in_one_study(tmp_path):
         effector_of(copies.loop.plant, Wheels).failures,
         copies.loop.plant.effectors[0].failures,
     )
-    drawn = outputs.draws
+    drawn = outputs.drawn
     for name, field in (("failure_time", "at"), ("failure_kind", "kind")):
         both = np.concatenate([getattr(thrusters, field), getattr(wheels, field)], axis=1)
         np.testing.assert_allclose(both, drawn[name], rtol=1e-14)

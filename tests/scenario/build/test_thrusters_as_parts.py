@@ -128,8 +128,8 @@ high = 0.01
         ("failed_thruster", events.number),
         ("failure_kind", events.kind),
     ):
-        np.testing.assert_allclose(reached, outputs.draws[name], rtol=1e-14)
-    struck = np.rint(outputs.draws["failed_thruster"][:, 0])
+        np.testing.assert_allclose(reached, outputs.drawn[name], rtol=1e-14)
+    struck = np.rint(outputs.drawn["failed_thruster"][:, 0])
     assert len(set(struck)) > 1
     assert set(struck) <= {0, 1, 2, 3}
     one = study.evaluate(np.array([5]))

@@ -57,7 +57,7 @@ def test_engines_agree(example, found, expected):
     late = 2e-3 if isinstance(example.case_factory.loop, SampledLoop) else 2e-4
     np.testing.assert_allclose(found.settling_time, expected.settling_time, atol=late)
     np.testing.assert_array_equal(found.ended_at, expected.ended_at)
-    np.testing.assert_array_equal(found.draws["kick"], KICKS)
+    np.testing.assert_array_equal(found.drawn["kick"], KICKS)
 
 
 @pytest.mark.slow

@@ -103,7 +103,7 @@ class Gain(Kicked):
     """A case that draws the gain."""
 
     def __call__(self, case, gains):
-        return super().__call__(case, None)._replace(draws={"gain": gains})
+        return super().__call__(case, None)._replace(drawn={"gain": gains})
 
 
 class Falling(AbstractStepper):
@@ -122,7 +122,7 @@ class Falling(AbstractStepper):
         return {}
 
     def begin(self, program, case):
-        return self.spoilt(case.draws["gain"] - 3.0, "begin") + 3.0
+        return self.spoilt(case.drawn["gain"] - 3.0, "begin") + 3.0
 
     def advance(self, program, case, progress, first, count, axis_name=None):
         return self.spoilt(progress - 1.0, "advance")

@@ -23,7 +23,7 @@ from jaxsat.synthesis.comparison.acceptance import (
 def drawn(setting, start, numbers):
     study = comparison_study(setting, start, 100, 7, engine="scan")
     cases = study.cases(np.asarray(numbers))
-    return jax.vmap(lambda case: study.case_factory(case).draws)(cases)
+    return jax.vmap(lambda case: study.case_factory(case).drawn)(cases)
 
 
 def test_horizons():

@@ -53,12 +53,12 @@ def test_a_case_counts_from_its_first_failure_until_it_is_settled():
     nothing = Outputs(*[np.zeros((1, 4))] * 12)
     outputs = nothing._replace(
         settling_time=np.array([[50.0, 10.0, np.inf, 90.0]]),
-        draws={
+        drawn={
             "failure_time": np.array([[[30.0, 40.0], [20.0, 25.0], [5.0, 5.0], [500.0, 400.0]]])
         },
     )
     np.testing.assert_allclose(recovery_costs(outputs, 100.0, 10.0), [[0.2, 0.0, 10.0, 0.0]])
-    outputs = outputs._replace(draws={})
+    outputs = outputs._replace(drawn={})
     np.testing.assert_allclose(recovery_costs(outputs, 100.0, 10.0), [[0.5, 0.1, 10.0, 0.9]])
 
 
