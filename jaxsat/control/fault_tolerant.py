@@ -13,8 +13,9 @@ from jaxtyping import Array, Bool, Float
 from jaxsat.control.diagnosis.diagnosis import Diagnosis, DiagnosisMemory, false_alarm_rate
 from jaxsat.control.diagnosis.residual import Reading, believed
 from jaxsat.control.diagnosis.rod_fit import Outside
+from jaxsat.control.flyable_laws import FLYABLE
 from jaxsat.control.quaternion_feedback import QuaternionFeedback, QuaternionFeedbackMemory
-from jaxsat.control.reconfiguration import Left
+from jaxsat.control.reconfiguration import Rank
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.third_axis_band import BandMemory, ThirdAxisBand
 from jaxsat.control.tolerant_actuators import (
@@ -31,7 +32,6 @@ from jaxsat.control.tolerant_magnetic import (
 )
 from jaxsat.control.tolerant_mix import Mix, MixMemory, Unloading
 from jaxsat.control.tolerant_rods import RodMemory, TolerantRods, about
-from jaxsat.control.what_is_left import LEFT
 from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
@@ -327,7 +327,7 @@ class FaultTolerant(AbstractSampledController):
         """
         for one, now in left.kinds:
             law = sample.law
-            holds = (now.ability.left == Left.THREE_AXES) | ~left.three
+            holds = (now.ability.left == Rank.THREE_AXES) | ~left.three
             rate = jnp.where(holds, one.slowed(sample, now).max_rate, law.max_rate)
             sample = sample._replace(law=dataclasses.replace(law, max_rate=rate))
         return sample.law
@@ -337,7 +337,7 @@ class FaultTolerant(AbstractSampledController):
         return Mix(
             tuple(one.reach(sample, now) for one, now in kinds),
             tuple(one.steady(now, self.period) for one, now in kinds),
-            tuple(now.ability.left == Left.THREE_AXES for _, now in kinds),
+            tuple(now.ability.left == Rank.THREE_AXES for _, now in kinds),
             tuple(one.alone(now) for one, now in kinds),
             tuple(one.stored(sample.reading) is not None for one in self.actuators),
             tuple(one.momentum_price(sample, now) for one, now in kinds),
@@ -402,17 +402,17 @@ class FaultTolerant(AbstractSampledController):
         memories: list[TolerantMemory],
     ) -> IntScalar:
         changed, alarmed = jnp.array(False), jnp.array(False)
-        mode = jnp.array(int(LEFT["none"].modes[0]))
+        mode = jnp.array(int(FLYABLE["none"].modes[0]))
         for one, memory in zip(self.actuators, memories, strict=True):
             mode = jnp.where(one.alone(memory), one.mode_alone(memory), mode)
             changed = changed | one.changed(memory)
             alarmed = alarmed | memory.diagnosis.alarmed
         if flight is not None:
             mode = jnp.where(flight.flies, flight.mode, mode)
-        before, after = LEFT["three torques"].modes
+        before, after = FLYABLE["three torques"].modes
         whole = jnp.where(changed, int(after), int(before))
         if axis is not None:
-            whole = jnp.where(jnp.any(axis != 0), int(LEFT["magnetic"].modes[0]), whole)
+            whole = jnp.where(jnp.any(axis != 0), int(FLYABLE["magnetic"].modes[0]), whole)
         mode = jnp.where(three, whole, mode)
         return jnp.where(alarmed, int(TolerantMode.ALARM), mode)
 

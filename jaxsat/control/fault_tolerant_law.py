@@ -33,11 +33,11 @@ from jaxsat.control.pulse_rounding import PulseRounding
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.control.reconfiguration import (
     FailedSet,
-    Left,
+    Rank,
     Reconfiguration,
+    failed_set,
     failed_sets,
     limit_about,
-    what_is_left,
 )
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.supervisor import ThreeSlewSettling
@@ -196,14 +196,14 @@ def _settles(thrusters: TolerantThrusters, wheels: WheelContext | None) -> bool:
     """Whether thrusters settle all axes at the start, alone or with the wheels that work."""
     tables = thrusters.reconfiguration
     if _no_wheel_works(wheels):
-        return int(np.asarray(tables.left)[0]) != Left.LESS
-    return _left_with(np.asarray(tables.torque), cast(WheelContext, wheels)) == Left.THREE_AXES
+        return int(np.asarray(tables.left)[0]) != Rank.LESS
+    return _left_with(np.asarray(tables.torque), cast(WheelContext, wheels)) == Rank.THREE_AXES
 
 
-def _left_with(torque: Float[np.ndarray, "3 m"], wheels: WheelContext) -> Left:
+def _left_with(torque: Float[np.ndarray, "3 m"], wheels: WheelContext) -> Rank:
     """Return what thrusters of these torques (N m) and the wheels that work make together."""
     axes = np.asarray(wheels.wheels.axes)[:, ~wheels.failed]
-    return what_is_left(np.concatenate([unit_columns(torque), axes, -axes], axis=1), ()).left
+    return failed_set(np.concatenate([unit_columns(torque), axes, -axes], axis=1), ()).left
 
 
 def _no_wheel_works(wheels: WheelContext | None) -> bool:
@@ -221,10 +221,10 @@ def _without_idle_wheels(context: LawContext) -> LawContext:
         return context
     torque = np.asarray(thrusters.model.torque)
     axes = np.asarray(wheels.wheels.axes)[:, ~wheels.failed]
-    planar = what_is_left(torque, ()).left == Left.PLANE
+    planar = failed_set(torque, ()).left == Rank.PLANE
     if not planar or np.linalg.matrix_rank(axes, tol=PARALLEL) != 1:
         return context
-    if _left_with(torque, wheels) == Left.THREE_AXES:
+    if _left_with(torque, wheels) == Rank.THREE_AXES:
         return context
     return context._replace(wheels=wheels._replace(failed=np.ones_like(wheels.failed)))
 
@@ -373,7 +373,7 @@ def _settling(
             except UnsuitableModel:
                 if not one.failed and context.magnetic is None:
                     raise
-                one = one._replace(left=Left.LESS, directions=None)
+                one = one._replace(left=Rank.LESS, directions=None)
         final_sets.append(one)
         of_set.append(place)
     if not laws:

@@ -39,7 +39,7 @@ SPARE, LEAST_SPARE = 0.1, 0.02
 depend on failed thrusters' torque: if otherwise a plane remains, and if even less."""
 
 
-class Left(enum.IntEnum):
+class Rank(enum.IntEnum):
     """Remaining torques of either sign: about all axes, in a plane, or fewer."""
 
     THREE_AXES = 0
@@ -54,7 +54,7 @@ class FailedSet(NamedTuple):
     """
 
     failed: tuple[int, ...]
-    left: Left
+    left: Rank
     directions: Float[np.ndarray, "3 2"] | None = None
 
 
@@ -64,19 +64,19 @@ def failed_sets(torque: Float[np.ndarray, "3 m"]) -> tuple[FailedSet, ...]:
     pairs = 1 + count + count * (count - 1) // 2 <= MOST_SETS
     sizes = range(min(MOST_FAILED if pairs else 1, count) + 1)
     sets = (failed for size in sizes for failed in itertools.combinations(range(count), size))
-    return tuple(what_is_left(torque, failed) for failed in sets)
+    return tuple(failed_set(torque, failed) for failed in sets)
 
 
-def what_is_left(torque: Float[np.ndarray, "3 m"], failed: tuple[int, ...]) -> FailedSet:
+def failed_set(torque: Float[np.ndarray, "3 m"], failed: tuple[int, ...]) -> FailedSet:
     """Remaining capability of thrusters with these torques (N m) without the failed ones."""
     columns = np.delete(torque, failed, axis=1)
     both_ways = two_sided_torques(columns)
     size = np.abs(torque).max()
     rank = int(np.linalg.matrix_rank(both_ways / size, tol=FLAT)) if both_ways.size else 0
     if rank != 2:
-        return FailedSet(failed, Left.THREE_AXES if rank == 3 else Left.LESS)
+        return FailedSet(failed, Rank.THREE_AXES if rank == 3 else Rank.LESS)
     directions = torque_directions(unit_columns(both_ways))
-    return FailedSet(failed, Left.PLANE, directions)
+    return FailedSet(failed, Rank.PLANE, directions)
 
 
 def limit_about(torque: Float[np.ndarray, "3 m"], axes: Float[np.ndarray, "3 2"]) -> float:
@@ -85,21 +85,21 @@ def limit_about(torque: Float[np.ndarray, "3 m"], axes: Float[np.ndarray, "3 2"]
 
 
 class Ability(NamedTuple):
-    """Remaining capability: the number of the failed set, the `Left`, and each thruster's share.
+    """Remaining capability: the number of the failed set, the `Rank`, and each thruster's share.
 
     `limit` is 1 for thrusters that work, 0 for excluded ones, and the share of full thrust of a
     weak one where it is needed.
     """
 
     number: IntScalar
-    left: Annotated[IntScalar, Left]
+    left: Annotated[IntScalar, Rank]
     limit: Float[Array, " m"]
 
 
 class Reconfiguration(eqx.Module):
     """The `failed_sets` as tables, and the allocation of a torque to the remaining thrusters.
 
-    `left` has the `Left` of each set. `number` (m, m) is the number of the set with two given
+    `left` has the `Rank` of each set. `number` (m, m) is the number of the set with two given
     thrusters as first and last, -1 without a table. `torque` (3, m) is that at full thrust (N m).
     `flat`: no thruster has torque about some body axis, so that no failure leaves three axes.
     """
@@ -146,11 +146,11 @@ class Reconfiguration(eqx.Module):
         working = jnp.where(failed, 0.0, 1.0)
         weak = failed & (part >= WEAK) & (condition.flow <= 0)
         limit = jnp.where(weak, part, working)
-        had_three = (before.left == Left.THREE_AXES) & (before.number == number)
-        spare = jnp.where(left == Left.PLANE, SPARE, LEAST_SPARE) * jnp.where(had_three, 0.5, 1.0)
+        had_three = (before.left == Rank.THREE_AXES) & (before.number == number)
+        spare = jnp.where(left == Rank.PLANE, SPARE, LEAST_SPARE) * jnp.where(had_three, 0.5, 1.0)
         steady = -(self.torque @ condition.flow)
         all_axes = jax.lax.cond(
-            left == Left.THREE_AXES,
+            left == Rank.THREE_AXES,
             lambda: jnp.array(False),
             lambda: self._spans(limit, steady, spare),
         )
@@ -161,7 +161,7 @@ class Reconfiguration(eqx.Module):
         )
         return Ability(
             number,
-            jnp.where(all_axes, int(Left.THREE_AXES), jnp.where(left < 0, int(Left.LESS), left)),
+            jnp.where(all_axes, int(Rank.THREE_AXES), jnp.where(left < 0, int(Rank.LESS), left)),
             jnp.where(all_axes | helps, limit, working),
         )
 
@@ -173,7 +173,7 @@ class Reconfiguration(eqx.Module):
         return jnp.sum(shortfall**2) < (SMALL * jnp.max(jnp.abs(self.torque))) ** 2
 
     def _tabled(self, failed: Bool[Array, " m"]) -> tuple[IntScalar, IntScalar]:
-        """The number of a set, and its `Left`; 0 and -1 without a table."""
+        """The number of a set, and its `Rank`; 0 and -1 without a table."""
         count = jnp.sum(failed)
         last = failed.shape[0] - 1 - jnp.argmax(failed[::-1])
         number = jnp.where(count > 0, self.number[jnp.argmax(failed), last], 0)
@@ -188,7 +188,7 @@ class Reconfiguration(eqx.Module):
         last = jnp.max(jnp.where(failed, place, -1))
         number = self.number[jnp.minimum(first, place), jnp.maximum(last, place)]
         in_table = (jnp.sum(failed) < MOST_FAILED) & (number >= 0)
-        return ~failed & ~(in_table & (self.left[jnp.maximum(number, 0)] == Left.THREE_AXES))
+        return ~failed & ~(in_table & (self.left[jnp.maximum(number, 0)] == Rank.THREE_AXES))
 
     def _spans(self, limit: Float[Array, " m"], steady: Vector, spare: RealScalar) -> BoolScalar:
         """Whether a torque (N m) plus the part `spare` of the largest on each axis is possible."""

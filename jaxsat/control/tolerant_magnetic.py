@@ -13,7 +13,7 @@ from jaxsat.control.controller import LawContext, MagneticContext, UnsuitableMod
 from jaxsat.control.diagnosis.residual import believed
 from jaxsat.control.magnetic import MagneticLaw, MagneticMemory, MagneticMode
 from jaxsat.control.periodic_gain import PeriodicGain
-from jaxsat.control.reconfiguration import Left
+from jaxsat.control.reconfiguration import Rank
 from jaxsat.control.tolerant_actuators import Sample, tolerant_mode
 from jaxsat.control.tolerant_rods import TolerantRods
 from jaxsat.control.wheel_allocation import Wheeled
@@ -147,7 +147,7 @@ class TolerantMagnetic(eqx.Module):
         """
         none = jnp.zeros(0)
         usable = none if wheeled is None else wheeled.usable
-        few = jnp.array(True) if wheeled is None else wheeled.left == Left.LESS
+        few = jnp.array(True) if wheeled is None else wheeled.left == Rank.LESS
         flies = unsettled & few & ~flows
         number = self._number(jnp.where(flies, usable, 0.0))
         used = jnp.where(self.members[number], usable, 0.0)

@@ -13,7 +13,7 @@ from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter
 from jaxsat.control.leaks import LeakMemory, Leaks
 from jaxsat.control.least_squares import Fit
 from jaxsat.control.pulse_rounding import PulseRounding
-from jaxsat.control.reconfiguration import Left, Reconfiguration
+from jaxsat.control.reconfiguration import Rank, Reconfiguration
 from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
 from jaxsat.control.tolerant_actuators import (
     AbstractTolerantActuators,
@@ -216,7 +216,7 @@ class TolerantThrusters(AbstractTolerantActuators):
             return demand.torque, demand.steady, settling, leaking
         number, left, limit = now.ability
         changed = (number != before.ability.number) | (left != before.ability.left)
-        begins = (left == Left.PLANE) & changed
+        begins = (left == Rank.PLANE) & changed
         law, directions, leaks = self.settling.at(number)
         settling = choose(begins, law.init(state), settling)
         leaking = choose(begins, LeakMemory.none(self.filter.count), leaking)
@@ -226,7 +226,7 @@ class TolerantThrusters(AbstractTolerantActuators):
         command, settling = law.in_phase(state, settling, given, aid)
         fit = cast(Fit, settling.estimator.fit)
         leaking = jax.lax.cond(
-            (left == Left.PLANE) & (fit.samples == 0),
+            (left == Rank.PLANE) & (fit.samples == 0),
             lambda: leaks.found(fit, limit, leaking),
             lambda: leaking,
         )
@@ -256,7 +256,7 @@ class TolerantThrusters(AbstractTolerantActuators):
         """Whether the law of three slews flies."""
         if self.settling is None:
             return jnp.array(False)
-        return memory.ability.left == Left.PLANE
+        return memory.ability.left == Rank.PLANE
 
     def mode_alone(self, memory: TolerantMemory) -> IntScalar:
         """Return the phase of the law of three slews."""

@@ -11,9 +11,10 @@ from jaxsat.control.diagnosis.diagnosis import MOST_RETURNS, WEAK, DiagnosisMemo
 from jaxsat.control.diagnosis.isolation import NONE
 from jaxsat.control.diagnosis.residual import Reading, momentum_with_rotors
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
+from jaxsat.control.flyable_laws import FLYABLE
 from jaxsat.control.momentum_fit import MomentumFit, MomentumMemory
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
-from jaxsat.control.reconfiguration import Left
+from jaxsat.control.reconfiguration import Rank
 from jaxsat.control.tolerant_actuators import (
     AbstractTolerantActuators,
     Demand,
@@ -21,7 +22,6 @@ from jaxsat.control.tolerant_actuators import (
     TolerantMemory,
 )
 from jaxsat.control.two_wheels import TwoWheels, nearest_held
-from jaxsat.control.what_is_left import LEFT
 from jaxsat.control.wheel_allocation import WheelAllocation, Wheeled
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import DCM, Quaternion
@@ -143,7 +143,7 @@ class TolerantWheels(AbstractTolerantActuators):
 
     def missing(self, memory: TolerantMemory) -> Vector:
         """Return the normal of the two driven axes, or zero."""
-        return jnp.where(memory.ability.left == Left.PLANE, memory.ability.normal, 0.0)
+        return jnp.where(memory.ability.left == Rank.PLANE, memory.ability.normal, 0.0)
 
     def wheeled(self, memory: TolerantMemory) -> Wheeled:
         """Return the wheels in use."""
@@ -219,7 +219,7 @@ class TolerantWheels(AbstractTolerantActuators):
         """Return the torque of each wheel on the body, N m."""
         momentum, wheeled, law = cast(OfEach, sample.reading.momentum), now.ability, sample.law
         by_two = self.alone(now) & ~demand.three
-        plane = (wheeled.left == Left.PLANE) & ~demand.three
+        plane = (wheeled.left == Rank.PLANE) & ~demand.three
         torque = jnp.where(plane, self._by_two(sample, wheeled, now.own), demand.torque)
         unloading = UNLOADING * law.natural_frequency
         shared = self.allocation.shared(wheeled, torque)
@@ -306,11 +306,11 @@ class TolerantWheels(AbstractTolerantActuators):
 
     def alone(self, memory: TolerantMemory) -> BoolScalar:
         """Whether two wheels settle: there is an attitude at which they leave no rate."""
-        return (memory.ability.left == Left.PLANE) & memory.own.can
+        return (memory.ability.left == Rank.PLANE) & memory.own.can
 
     def mode_alone(self, memory: TolerantMemory) -> IntScalar:
         """Return the mode of two wheels: at the target, or at the attitude nearest to it."""
-        (target,), (nearest,) = LEFT["two wheels"].modes, LEFT["nearest attitude"].modes
+        (target,), (nearest,) = FLYABLE["two wheels"].modes, FLYABLE["nearest attitude"].modes
         return jnp.where(memory.own.near, int(target), int(nearest))
 
     def _pulses(self, sample: Sample, memory: TolerantMemory) -> tuple[OfEach, RealScalar]:

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float
 from jaxsat.control.diagnosis.diagnosis import WEAK
 from jaxsat.control.diagnosis.residual import ActuatorCondition
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
-from jaxsat.control.reconfiguration import Left
+from jaxsat.control.reconfiguration import Rank
 from jaxsat.core.array_types import IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.quotients import SMALLEST, length, root
 from jaxsat.spacecraft.allocation import allocate_evenly
@@ -45,7 +45,7 @@ class Wheeled(NamedTuple):
     """
 
     usable: OfEach
-    left: Annotated[IntScalar, Left]
+    left: Annotated[IntScalar, Rank]
     normal: Vector
     shares: Float[Array, "m 3"]
 
@@ -95,12 +95,12 @@ class WheelAllocation(eqx.Module):
         normal = around[best] / jnp.sqrt(jnp.sum(around[best] ** 2) + SMALLEST)
         volume = jnp.sum(gram[0] * around[0])
         had = -1 if before is None else before.left
-        three = SPARE * jnp.where(had == Left.THREE_AXES, 0.5, 1.0)
-        plane = SPARE * jnp.where((had == Left.THREE_AXES) | (had == Left.PLANE), 0.5, 1.0)
+        three = SPARE * jnp.where(had == Rank.THREE_AXES, 0.5, 1.0)
+        plane = SPARE * jnp.where((had == Rank.THREE_AXES) | (had == Rank.PLANE), 0.5, 1.0)
         left = jnp.where(
             volume > three * minors,
-            int(Left.THREE_AXES),
-            jnp.where(minors > plane * trace, int(Left.PLANE), int(Left.LESS)),
+            int(Rank.THREE_AXES),
+            jnp.where(minors > plane * trace, int(Rank.PLANE), int(Rank.LESS)),
         )
         inverse = _inverse(gram, trace, left, normal)
         return Wheeled(usable, left, normal, (weight[None] * axes).T @ inverse)
@@ -130,7 +130,7 @@ class WheelAllocation(eqx.Module):
         """
         in_use = jnp.where(wheeled.working, momentum, 0.0)
         idle = in_use - self.holding(wheeled) @ (self.wheels.axes @ in_use)
-        idle = jnp.where(wheeled.left == Left.THREE_AXES, unloading * idle, 0.0)
+        idle = jnp.where(wheeled.left == Rank.THREE_AXES, unloading * idle, 0.0)
         return nearest + idle * within(wheeled.usable, nearest, idle)
 
     def unloadable(self, wheeled: Wheeled, momentum: OfEach, bias: Vector, field: Vector) -> Vector:
@@ -145,8 +145,8 @@ class WheelAllocation(eqx.Module):
         squares = jnp.sum(direction**2)
         parallel = squares <= PARALLEL**2 * jnp.sum(field**2)
         along = direction @ excess / jnp.where(parallel, jnp.inf, squares)
-        plane = jnp.where(wheeled.left == Left.PLANE, along * direction, 0.0)
-        return jnp.where(wheeled.left == Left.THREE_AXES, excess, plane)
+        plane = jnp.where(wheeled.left == Rank.PLANE, along * direction, 0.0)
+        return jnp.where(wheeled.left == Rank.THREE_AXES, excess, plane)
 
     def commands(self, condition: ActuatorCondition, momentum: OfEach, torque: OfEach) -> OfEach:
         """Motor torques (N m), within the limits, that produce `torque` (N m) on the body.
@@ -183,8 +183,8 @@ def _inverse(gram: Matrix, trace: RealScalar, left: IntScalar, normal: Vector) -
     No torque is demanded along a plane's normal; a term there makes gram invertible. With wheels
     along one axis, gram is trace times the projector onto it.
     """
-    filled = gram + jnp.where(left == Left.PLANE, trace, 0.0) * jnp.outer(normal, normal)
-    filled = jnp.where(left == Left.LESS, (trace + SMALLEST) * jnp.eye(3), filled)
+    filled = gram + jnp.where(left == Rank.PLANE, trace, 0.0) * jnp.outer(normal, normal)
+    filled = jnp.where(left == Rank.LESS, (trace + SMALLEST) * jnp.eye(3), filled)
     cofactors = adjugate(filled)
     return cofactors / (jnp.sum(filled[0] * cofactors[0]) + SMALLEST)
 

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.control.what_is_left import Laws
+from jaxsat.control.flyable_laws import Laws
 from jaxsat.controllability.actuators import ActuatorSet
 from jaxsat.controllability.cone import TorqueCone
 from jaxsat.controllability.decision import RankDecision
@@ -64,8 +64,8 @@ class Judgement:
     of all wheels, as a torque turns it.
 
     `rank` of `dimension`: directions that brackets reach at rest, of all that the conserved
-    momentum leaves. `laws`: the kind of law that can be flown, a key of `LEFT`. `cone` is that of
-    thrusters and wheels together. `barrier` is the unit vector m with m·H ≥ 0 for ever after
+    momentum leaves. `laws`: the kind of law that can be flown, a key of `FLYABLE`. `cone` is that
+    of thrusters and wheels together. `barrier` is the unit vector m with m·H ≥ 0 for ever after
     (`momentum_barrier`), `decision` the rank of the columns as torques of both signs, `level_set`
     the authority of the wheels alone; None where these do not decide. `margin` and `turn_time` as
     in `Analysis`, of the torques that laws use; NaN turn time where wheels decide. Where

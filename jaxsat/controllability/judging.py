@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jaxsat.control.what_is_left import Laws
+from jaxsat.control.flyable_laws import Laws
 from jaxsat.controllability.actuators import ActuatorSet
 from jaxsat.controllability.barrier import momentum_barrier
 from jaxsat.controllability.cone import ROUNDING, TorqueCone, torque_cone

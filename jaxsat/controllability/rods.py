@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from jaxsat.control.flyable_laws import Laws
 from jaxsat.control.linear_motion import TURNS, reference_moment, small_motion
-from jaxsat.control.what_is_left import Laws
 from jaxsat.controllability.judgement import Judgement, OrbitRank, Verdict
 from jaxsat.controllability.orbit_rest import (
     MOST_TURN,

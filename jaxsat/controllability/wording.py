@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.control.what_is_left import LEFT
+from jaxsat.control.flyable_laws import FLYABLE
 from jaxsat.controllability.cone import TorqueCone, direction_words, torque_cone
 from jaxsat.controllability.decision import RankDecision
 from jaxsat.controllability.judgement import Judgement
@@ -239,7 +239,7 @@ def _wheel_sentence(judgement: Judgement) -> str:
             f"Controllable: {rank}; {few} turn the body to any attitude, so that "
             f"{_momentum_changers(judgement)} in any inertial direction. "
             f"{cone_words(judgement.cone).capitalize()}."
-            + ("" if LEFT[judgement.laws].everywhere else " No law of jaxsat uses them.")
+            + ("" if FLYABLE[judgement.laws].everywhere else " No law of jaxsat uses them.")
         )
     where = "on the level set of the conserved momentum"
     if not wheels.rests:

@@ -56,7 +56,7 @@ def finite_limits(limits: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
     return np.where(np.isfinite(limits), finite / most, 1.0) if most > 0 else np.ones_like(finite)
 
 
-def what_is_left(
+def unmade_map(
     axes: Float[np.ndarray, "3 m"],
     shares: Float[np.ndarray, "m torques"],
     directions: Float[np.ndarray, "3 torques"] | None = None,

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxsat.control.what_is_left import LEFT
+from jaxsat.control.flyable_laws import FLYABLE
 from jaxsat.controllability.cone import direction_words, torque_cone
 from jaxsat.controllability.failures import FailureCase, failure_arrays
 from jaxsat.controllability.judgement import CONTROLLABLE, Judgement
@@ -117,7 +117,7 @@ def _outcome(record: Mapping[str, Any]) -> str | None:
     """Return the one of `OUTCOMES` that a failure has; None where control of some or all attitudes
     is lost."""
     if record["verdict"] in CONTROLLABLE:
-        return SURVIVES if LEFT[record["laws"]].everywhere else UNFLOWN
+        return SURVIVES if FLYABLE[record["laws"]].everywhere else UNFLOWN
     return {"borderline": BORDERLINE, "not decided": UNDECIDED}.get(record["verdict"])
 
 
@@ -135,7 +135,7 @@ def _is_good(record: Mapping[str, Any]) -> bool | None:
     """Whether a law of jaxsat flies to every attitude; None where only in principle one could."""
     if record["verdict"] == "uncontrollable":
         return False
-    everywhere = record["verdict"] == "controllable" and LEFT[record["laws"]].everywhere
+    everywhere = record["verdict"] == "controllable" and FLYABLE[record["laws"]].everywhere
     return True if everywhere else None
 
 
@@ -166,7 +166,7 @@ def controllability_lines(
         torques = f"{rod_torques(judgement.orbit)} at any instant"
     return [
         *([] if torques.lower() in verdict.lower() else [f"Torques: {torques}"]),
-        f"Laws: {laws or LEFT[judgement.laws].words}",
+        f"Laws: {laws or FLYABLE[judgement.laws].words}",
         *[line for line in remarks if line is not None],
         *([] if analysis is None else _rank_lines(judgement, analysis, torque)),
     ]

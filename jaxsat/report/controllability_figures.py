@@ -17,7 +17,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from jaxsat.control.what_is_left import LEFT
+from jaxsat.control.flyable_laws import FLYABLE
 from jaxsat.controllability.actuators import ActuatorSet
 from jaxsat.controllability.cone import TorqueCone
 from jaxsat.report.figure_painter import paint
@@ -165,7 +165,7 @@ def failure_chart(records: Sequence[dict]) -> Figure:
         "uncontrollable": ("none", ""),
     }
     verdicts = [one["verdict"] for one in first_records]
-    unflown = [not LEFT[one["laws"]].everywhere for one in first_records]
+    unflown = [not FLYABLE[one["laws"]].everywhere for one in first_records]
     verdicts = [
         f"{one}, by no law" if one == "controllable" and none else one
         for one, none in zip(verdicts, unflown, strict=True)

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jaxsat.core.allocation import least_squares_map, unit_columns, what_is_left
+from jaxsat.core.allocation import least_squares_map, unit_columns, unmade_map
 from jaxsat.core.array_types import RealScalar, Vector
 from jaxsat.core.checks import as_array, as_float, as_optional_float, require_positive
 from jaxsat.core.errors import ArgumentError
@@ -161,7 +161,7 @@ class WheelsFirst(AbstractDistribution):
             limits = np.broadcast_to(np.asarray(wheel_limit, float), units.shape[1])
             limit, limits = as_float(limits), limits[working]
         shares[working] = least_squares_map(units[:, working], torques, limits, along)
-        rest = what_is_left(units, shares, along)
+        rest = unmade_map(units, shares, along)
         working_axes = units * np.array(working)
         if not rest.any():
             return WheelsFirst(working_axes, as_array(shares), limit)

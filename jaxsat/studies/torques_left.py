@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.compiler.llvm.mapped import compiled_over_cases
-from jaxsat.control.what_is_left import Laws
+from jaxsat.control.flyable_laws import Laws
 from jaxsat.controllability.actuators import actuator_set
 from jaxsat.controllability.layout import TOLERANCE
 from jaxsat.controllability.programme import UnsolvedProgramme

@@ -13,7 +13,7 @@ from scipy.optimize import linprog
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.control.diagnosis.residual import Reading
 from jaxsat.control.magnetic import MagneticMode
-from jaxsat.control.reconfiguration import Left
+from jaxsat.control.reconfiguration import Rank
 from jaxsat.control.supervisor import Phase
 from jaxsat.control.tolerant_actuators import Demand, Sample, TolerantMode, tolerant_mode
 from jaxsat.scenario import ScenarioError
@@ -245,7 +245,7 @@ def test_damping_takes_energy_out_whatever_is_left():
         )
         struck = memory._replace(
             diagnosis=memory.diagnosis._replace(condition=condition),
-            ability=memory.ability._replace(left=jnp.array(int(Left.LESS)), limit=jnp.array(limit)),
+            ability=memory.ability._replace(left=jnp.array(int(Rank.LESS)), limit=jnp.array(limit)),
         )
         duty, _ = at_rest(struck)
         np.testing.assert_allclose(torque @ (limit * duty), -flow * torque[:, 0], atol=1e-9)

@@ -12,7 +12,7 @@ from scipy.optimize import linprog, nnls
 from helpers.thruster_layouts import canted
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.control.diagnosis.residual import Reading
-from jaxsat.control.reconfiguration import Left, what_is_left
+from jaxsat.control.reconfiguration import Rank, failed_set
 from jaxsat.control.tolerant_actuators import Sample, TolerantMode
 from jaxsat.control.tolerant_mix import Mix, MixMemory, Unloading
 from jaxsat.scenario.build.load import load
@@ -149,8 +149,8 @@ def one_sided():
     law, still = run.loop.controller, run.loop.plant.complete(run.start)
     still = dataclasses.replace(still, omega=jnp.zeros(3))
     columns = np.asarray(law.actuators[0].filter.thrusters.torque)
-    left = what_is_left(columns, ()).left
-    assert left == Left.LESS
+    left = failed_set(columns, ()).left
+    assert left == Rank.LESS
     memories = law.init(still).actuators
     pushes = memories[0]._replace(ability=memories[0].ability._replace(left=jnp.array(left)))
     condition = memories[1].diagnosis.condition

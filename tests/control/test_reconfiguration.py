@@ -13,14 +13,14 @@ from scipy.optimize import linprog
 from helpers.thruster_layouts import allocated, canted, pairs
 from jaxsat.control.diagnosis.residual import ActuatorCondition
 from jaxsat.control.reconfiguration import (
-    Left,
+    Rank,
     Reconfiguration,
+    failed_set,
     failed_sets,
-    what_is_left,
 )
 from jaxsat.controllability.cone import torque_cone
 
-KINDS = {3: Left.THREE_AXES, 2: Left.PLANE, 1: Left.LESS, 0: Left.LESS}
+KINDS = {3: Rank.THREE_AXES, 2: Rank.PLANE, 1: Rank.LESS, 0: Rank.LESS}
 
 
 def tables(torque):
@@ -40,11 +40,11 @@ def test_what_is_left_is_what_the_controllability_analysis_finds(seed):
     for torque in layouts:
         count = torque.shape[1]
         for failed in itertools.chain(*(itertools.combinations(range(count), k) for k in range(4))):
-            found = what_is_left(torque, failed)
+            found = failed_set(torque, failed)
             kept = np.delete(torque, failed, axis=1)
             cone = torque_cone(kept, np.zeros(kept.shape[1], bool))
             assert found.left == KINDS[cone.two_sided]
-            if found.left != Left.PLANE:
+            if found.left != Rank.PLANE:
                 continue
             normal = np.cross(*found.directions.T)
             assert abs(normal @ cone.normal) == pytest.approx(1)
@@ -122,7 +122,7 @@ def test_beside_a_plane_a_torque_is_opposed_where_a_thruster_pushes_across():
     torque = pairs()
     made = tables(torque)
     limit = np.where(np.arange(6) == 5, 0.0, 1.0)
-    directions = jnp.asarray(what_is_left(torque, (5,)).directions)
+    directions = jnp.asarray(failed_set(torque, (5,)).directions)
     rng = np.random.default_rng(12)
     for steady in rng.uniform(-0.3, 0.3, (10, 3)):
         asked = made.beside_plane(jnp.asarray(limit), jnp.asarray(steady), directions)
@@ -155,12 +155,12 @@ def test_a_flow_that_can_be_opposed_stands_for_the_failed_thruster():
 def test_a_weak_thruster_is_used_only_where_it_is_needed():
     last = np.arange(6) == 5
     ability = found(pairs(), 1 - 0.6 * last, 0.0)
-    assert ability.left == Left.THREE_AXES
+    assert ability.left == Rank.THREE_AXES
     np.testing.assert_allclose(ability.limit, 1 - 0.6 * last)
     np.testing.assert_array_equal(
         found(canted()[0], 1 - 0.6 * (np.arange(8) == 2), 0.0).limit[2], 0
     )
-    assert found(pairs(), 1 - 0.97 * last, 0.0).left == Left.PLANE
+    assert found(pairs(), 1 - 0.97 * last, 0.0).left == Rank.PLANE
 
 
 @pytest.mark.slow
@@ -171,7 +171,7 @@ def test_a_weak_thruster_helps_to_oppose_a_stuck_one_where_others_do_not():
     find, whole = eqx.filter_jit(made.find), made.whole
     for stuck, weak in itertools.permutations(range(8), 2):
         failed = np.isin(np.arange(8), (stuck, weak))
-        if what_is_left(torque, tuple(np.flatnonzero(failed).tolist())).left != Left.THREE_AXES:
+        if failed_set(torque, tuple(np.flatnonzero(failed).tolist())).left != Rank.THREE_AXES:
             continue
         part = np.where(failed, 0.4 * (np.arange(8) == weak), 1.0)
         most = linprog(
@@ -190,7 +190,7 @@ def test_a_weak_thruster_helps_to_oppose_a_stuck_one_where_others_do_not():
             limit = np.where(np.arange(8) == weak, before, whole.limit)
             ability = find(condition, whole._replace(limit=jnp.asarray(limit)))
             helps = spare * flow > most
-            assert ability.left == Left.THREE_AXES
+            assert ability.left == Rank.THREE_AXES
             np.testing.assert_array_equal(ability.limit, np.where(failed & ~helps, 0.0, part))
             helped += helps
     assert helped > 10
@@ -205,8 +205,8 @@ def test_a_thruster_is_needed_where_less_than_three_axes_is_left_without_it(torq
         found = np.asarray(made.needed(jnp.asarray(failed)))
         for one in np.flatnonzero(~failed):
             tabled = len(gone) < 2
-            left = what_is_left(torque, tuple(sorted((*gone, int(one))))).left
-            assert found[one] == (not tabled or left != Left.THREE_AXES)
+            left = failed_set(torque, tuple(sorted((*gone, int(one))))).left
+            assert found[one] == (not tabled or left != Rank.THREE_AXES)
         assert not found[failed].any()
 
 
@@ -214,7 +214,7 @@ def test_a_thruster_is_needed_where_less_than_three_axes_is_left_without_it(torq
 def test_what_is_left_does_not_go_to_and_fro_about_a_limit():
     """It takes half of what it took to count as three axes until it does not any more."""
     last = np.arange(6) == 5
-    assert found(pairs(), 1 - 0.92 * last, 0.0).left == Left.PLANE
+    assert found(pairs(), 1 - 0.92 * last, 0.0).left == Rank.PLANE
     before = found(pairs(), 1 - 0.6 * last, 0.0)
     changes = 0
     rng = np.random.default_rng(3)
@@ -233,13 +233,13 @@ def test_more_failures_than_tables_are_judged_by_what_can_be_made():
         kept = np.delete(eight, failed, axis=1)
         most = KINDS[torque_cone(kept, np.zeros(5, bool)).two_sided]
         left = found(eight, 1.0 * ~np.isin(np.arange(8), failed), 0.0).left
-        assert left in (most, Left.LESS)
-        three += left == Left.THREE_AXES
+        assert left in (most, Rank.LESS)
+        three += left == Rank.THREE_AXES
     assert three > 10
     rng = np.random.default_rng(8)
     twelve = rng.normal(size=(3, 12))
-    assert found(twelve, np.arange(12) % 4 > 0, 0.0).left == Left.THREE_AXES
-    assert found(twelve, np.arange(12) > 8, 0.0).left == Left.LESS
+    assert found(twelve, np.arange(12) % 4 > 0, 0.0).left == Rank.THREE_AXES
+    assert found(twelve, np.arange(12) > 8, 0.0).left == Rank.LESS
 
 
 def test_a_program_for_many_thrusters_is_as_long_as_one_for_few():

@@ -9,7 +9,7 @@ from scipy.linalg import null_space
 
 from jaxsat.control.diagnosis.residual import ActuatorCondition
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
-from jaxsat.control.reconfiguration import Left
+from jaxsat.control.reconfiguration import Rank
 from jaxsat.control.wheel_allocation import LEAST_MOMENTUM, MOST_MOMENTUM, WheelAllocation
 from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 
@@ -47,7 +47,7 @@ def test_shares_are_the_weighted_least_squares(seed):
     part = rng.uniform(0.3, 1.0, 5)
     made = allocation(axes)
     found = find(made, condition(5, (2,), part), jnp.zeros(5))
-    assert int(found.left) == Left.THREE_AXES
+    assert int(found.left) == Rank.THREE_AXES
     kept = np.arange(5) != 2
     root = np.sqrt(np.where(np.arange(5) == 2, 0.0, part))
     unit = np.asarray(made.wheels.axes)
@@ -73,7 +73,7 @@ def test_what_is_left_is_what_singular_values_say(failed, left):
     kept = np.delete(PYRAMID, failed, axis=1)
     assert np.linalg.matrix_rank(kept) == (3, 2, len(kept.T))[left]
     assert np.all(np.isfinite(found.shares))
-    if left == Left.PLANE:
+    if left == Rank.PLANE:
         normal = np.asarray(found.normal)
         np.testing.assert_allclose(normal @ kept, 0.0, atol=1e-12)
         assert np.linalg.norm(normal) == pytest.approx(1)

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from helpers.magnetic import document
 from jaxsat.control.diagnosis.residual import Reading
 from jaxsat.control.magnetic import MagneticMode
-from jaxsat.control.reconfiguration import Left
+from jaxsat.control.reconfiguration import Rank
 from jaxsat.control.tolerant_actuators import Sample, TolerantMode
 from jaxsat.control.tolerant_magnetic import NOWHERE, TolerantMagnetic, TolerantMagneticMemory
 from jaxsat.control.tolerant_rods import (
@@ -195,7 +195,7 @@ def test_two_magnetorquers_oppose_a_dipole_along_the_third_axis(cubesat):
     state = PlantState(attitude, jnp.array([0.0, -rate, 0.0]), (momenta, None))
     body, memory = 0.005 * np.eye(3)[lost], magnetic.init(state)
     own = memory.own._replace(mode=jnp.array(int(MagneticMode.POINTING)), dipole=jnp.array(body))
-    none = Wheeled(jnp.zeros(3), jnp.array(int(Left.LESS)), jnp.zeros(3), jnp.zeros((3, 3)))
+    none = Wheeled(jnp.zeros(3), jnp.array(int(Rank.LESS)), jnp.zeros(3), jnp.zeros((3, 3)))
 
     @eqx.filter_jit
     def act(limit, state, usable, number, flows):
@@ -250,7 +250,7 @@ def test_a_dipole_that_the_diagnosis_knows_replaces_that_of_the_law(cubesat):
     magnetic, rate = cubesat.magnetic, float(cubesat.healthy.model.orbit.rate)
     momenta = WheelMomenta(jnp.zeros(3))
     state = PlantState(Quaternion(jnp.eye(4)[0]), jnp.array([0.0, -rate, 0.0]), (momenta, None))
-    none = Wheeled(jnp.zeros(3), jnp.array(int(Left.LESS)), jnp.zeros(3), jnp.zeros((3, 3)))
+    none = Wheeled(jnp.zeros(3), jnp.array(int(Rank.LESS)), jnp.zeros(3), jnp.zeros((3, 3)))
     own = magnetic.init(state).own._replace(mode=jnp.array(int(MagneticMode.POINTING)))
 
     @eqx.filter_jit
@@ -532,7 +532,7 @@ def test_one_wheel_or_none_flies_as_under_the_law_magnetic(failed):
     law = build(load("wheel-and-rods", [*changes, table])).loop.controller
     steering, axis = own.distribution.steering[0], np.array([0.0, -1.0, 0.0])
     usable = jnp.array([0.0 if failed == "true" else 5e-3])
-    wheeled = Wheeled(usable, jnp.array(int(Left.LESS)), jnp.zeros(3), jnp.zeros((1, 3)))
+    wheeled = Wheeled(usable, jnp.array(int(Rank.LESS)), jnp.zeros(3), jnp.zeros((1, 3)))
 
     memory = own_memory = None
     for number, (quaternion, omega) in enumerate(STATES):

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.control.what_is_left import LEFT
+from jaxsat.control.flyable_laws import FLYABLE
 from jaxsat.controllability.actuators import (
     ActuatorSet,
     actuator_set,
@@ -133,15 +133,15 @@ def why_no_law(scenario: Scenario) -> str | None:
     if judgement.laws == "none":
         reason = verdict_sentence(judgement) if gyros is None else gyros.verdict()
         return f"{words} to the actuators left. {reason}"
-    return None if words == LEFT[judgement.laws].words else words
+    return None if words == FLYABLE[judgement.laws].words else words
 
 
 def law_words(scenario: Scenario, judgement: Judgement) -> str:
     """Return which laws apply by a judgement of the scenario, as text.
 
-    It is that of `LEFT`, unless no such law takes an actuator with a steering of its own.
+    It is that of `FLYABLE`, unless no such law takes an actuator with a steering of its own.
     """
-    words, laws = LEFT[judgement.laws].words, map(known_law, _laws_left(scenario, judgement))
+    words, laws = FLYABLE[judgement.laws].words, map(known_law, _laws_left(scenario, judgement))
     declarations = [one.declaration for one in laws if one is not None]
     for actuator in ACTUATORS if declarations else ():
         refused = not any(suits(actuator, one) for one in declarations)
@@ -151,8 +151,8 @@ def law_words(scenario: Scenario, judgement: Judgement) -> str:
 
 
 def _laws_left(scenario: Scenario, judgement: Judgement) -> tuple[str, ...]:
-    """Names in `LEFT`; laws that command each actuator do not suit ideal thrusters."""
-    names = LEFT[judgement.laws].laws
+    """Names in `FLYABLE`; laws that command each actuator do not suit ideal thrusters."""
+    names = FLYABLE[judgement.laws].laws
     if scenario.spacecraft.thruster_torque_axes is None:
         return names
     return tuple(name for name in names if name != FAULT_TOLERANT)
@@ -161,8 +161,8 @@ def _laws_left(scenario: Scenario, judgement: Judgement) -> tuple[str, ...]:
 def fitting_laws(scenario: Scenario, judgement: Judgement) -> list[str]:
     """Names of the laws of jaxsat for what a judgement of the scenario says is left.
 
-    They are those of `LEFT`, after the one that finds failures of wheels and thrusters where some
-    strike in flight.
+    They are those of `FLYABLE`, after the one that finds failures of wheels and thrusters where
+    some strike in flight.
     """
     strikes = any(not one.of_sensor for one in scenario.failure)
     finds_failures = strikes and (scenario.wheel or scenario.thruster)

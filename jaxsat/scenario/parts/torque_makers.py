@@ -17,7 +17,7 @@ from jaxsat.core.allocation import (
     require_all_ways,
     torque_directions,
     unit_columns,
-    what_is_left,
+    unmade_map,
 )
 from jaxsat.core.declaration.law import LawDeclaration
 from jaxsat.scenario.tables import working_axes
@@ -223,7 +223,7 @@ def left_by_wheels(
     """
     axes = wheel_axes([one for one in wheels if not one.failed])
     shares = least_squares_map(axes, torques, directions=directions)
-    return what_is_left(axes, shares, directions)
+    return unmade_map(axes, shares, directions)
 
 
 def signs(thruster: Any) -> tuple[float, ...]:

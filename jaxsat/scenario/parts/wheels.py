@@ -5,7 +5,7 @@ from typing import Annotated, Any
 import numpy as np
 from annotated_types import Gt, Le
 
-from jaxsat.core.allocation import least_squares_map, what_is_left
+from jaxsat.core.allocation import least_squares_map, unmade_map
 from jaxsat.core.declaration.actuators import ACTUATORS, STEERED
 from jaxsat.core.declaration.wheels import WHEEL
 from jaxsat.core.ranges import SECONDS, Range
@@ -154,7 +154,7 @@ def _wheels_and_thrusters_make_what_the_law_commands(values):
     if not wheels or thrusters or has_steering or torques not in (2, 3):
         return
     working = working_axes(axes or (), values["spacecraft.failed_thrusters"])
-    missing = what_is_left(working, least_squares_map(working, torques))
+    missing = unmade_map(working, least_squares_map(working, torques))
     missing = missing @ TorqueMakers(wheels, (), declaration).remainder
     if abs(missing).max() > MISSING:
         count = sum(not one.failed for one in wheels)

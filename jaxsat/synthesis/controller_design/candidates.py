@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import ValidationError
 
 from jaxsat.control.fine import OscillatorySettling
+from jaxsat.control.flyable_laws import FLYABLE
 from jaxsat.control.planned import PlannedSettling
 from jaxsat.control.supervisor import ThreeSlewSettling
-from jaxsat.control.what_is_left import LEFT
 from jaxsat.controllability.judgement import Judgement
 from jaxsat.core.declaration.laws import Law
 from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE, LARGEST_FALL
@@ -173,7 +173,7 @@ UNIT = Scale((1.0, 1.0), 1.0)
 
 def _orbital_law(judgement: Judgement) -> Law | None:
     """Return the law for magnetorquers if they decide, None otherwise."""
-    laws = (known_law(name) for name in LEFT[judgement.laws].laws)
+    laws = (known_law(name) for name in FLYABLE[judgement.laws].laws)
     return next((law for law in laws if law and law.declaration.takes_orbits), None)
 
 

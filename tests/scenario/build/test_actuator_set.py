@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jaxsat.control.what_is_left import LEFT
+from jaxsat.control.flyable_laws import FLYABLE
 from jaxsat.controllability.judging import judge
 from jaxsat.controllability.wording import verdict_sentence
 from jaxsat.scenario import dump
@@ -99,12 +99,12 @@ def test_a_run_says_what_controllability_says_of_torques_of_nearly_one_direction
     assert cautions == []
 
 
-@pytest.mark.parametrize("laws", LEFT)
+@pytest.mark.parametrize("laws", FLYABLE)
 def test_the_law_that_finds_failures_is_tried_first_where_some_strike(laws):
     """Of wheels and thrusters; it diagnoses no magnetorquer."""
     scenario = load("hybrid-wheels", (), purpose="motion")
     judgement = dataclasses.replace(judge_scenario(scenario), laws=laws)
-    usual = list(LEFT[laws].laws)
+    usual = list(FLYABLE[laws].laws)
     first = ["fault-tolerant", *(law for law in usual if law != "fault-tolerant")]
     for absent, names in (
         ((), first),

@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 
 from helpers.compiling import by_machine_code, interpreted
 from jaxsat.cli.scenarios import check
-from jaxsat.control.what_is_left import LEFT
+from jaxsat.control.flyable_laws import FLYABLE
 from jaxsat.core.allocation import least_propellant, plane_map, pushed_directions
 from jaxsat.report.controllability_study import controllability_study
 from jaxsat.scenario import ScenarioError
@@ -241,7 +241,7 @@ def test_the_law_of_each_actuator_takes_what_is_left_where_controllability_names
     """Its own check and the laws that fit agree, and what it takes it flies: one step at least."""
     path = _file(tmp_path, TOLERANT_IN_ORBIT, INERTIA, BARE[left], MODULATION)
     judgement = judge_scenario(load(path, purpose="motion"))
-    flies = judgement.laws == "three torques" or "fault-tolerant" in LEFT[judgement.laws].laws
+    flies = judgement.laws == "three torques" or "fault-tolerant" in FLYABLE[judgement.laws].laws
     try:
         run = build(load(path, caution=print))
     except ScenarioError:
@@ -252,7 +252,7 @@ def test_the_law_of_each_actuator_takes_what_is_left_where_controllability_names
     law, start = run.loop.controller, run.loop.plant.complete(run.start)
     command, memory = interpreted(law.step, jnp.zeros(()), start, law.init(start))
     assert np.isfinite(command).all()
-    assert int(law.mode(memory)) in LEFT[judgement.laws].modes
+    assert int(law.mode(memory)) in FLYABLE[judgement.laws].modes
     run.loop.distribution(jnp.zeros(()), start, command, run.loop.plant.effectors)
 
 

@@ -12,7 +12,7 @@ from jaxsat.control.tolerant_actuators import TolerantMode
 Laws = Literal["three torques", "two torques", "two wheels", "nearest attitude", "magnetic", "none"]
 
 
-class WhatFlies(NamedTuple):
+class FlyableLaws(NamedTuple):
     """Laws for one class of remaining torques.
 
     `words` is the printed sentence, `modes` the modes of the law `fault-tolerant`, `laws` the
@@ -25,13 +25,13 @@ class WhatFlies(NamedTuple):
     everywhere: bool = True
 
 
-LEFT: Mapping[Laws, WhatFlies] = {
-    "three torques": WhatFlies(
+FLYABLE: Mapping[Laws, FlyableLaws] = {
+    "three torques": FlyableLaws(
         "every law applies; the allocation distributes its torque among the actuators",
         (TolerantMode.THREE_AXES, TolerantMode.REALLOCATED),
         ("quaternion-feedback",),
     ),
-    "two torques": WhatFlies(
+    "two torques": FlyableLaws(
         "the laws for two torques apply, in the plane of the torques of both signs; so does the "
         "law fault-tolerant, for tables [[thruster]], which leaves a wheel beside them idle",
         (
@@ -42,13 +42,13 @@ LEFT: Mapping[Laws, WhatFlies] = {
         ),
         ("three-slew", "oscillatory", "planned", "fault-tolerant"),
     ),
-    "two wheels": WhatFlies(
+    "two wheels": FlyableLaws(
         "the laws for two torques apply, by wheels without momentum about their normal, and the "
         "law fault-tolerant",
         (TolerantMode.TWO_WHEELS,),
         ("fault-tolerant", "three-axis", "three-slew"),
     ),
-    "nearest attitude": WhatFlies(
+    "nearest attitude": FlyableLaws(
         "the law fault-tolerant applies; with their momentum two wheels hold some attitudes, and "
         "it goes to the one nearest to the target, unless the momentum would turn the body faster "
         "than a slew may",
@@ -56,7 +56,7 @@ LEFT: Mapping[Laws, WhatFlies] = {
         ("fault-tolerant",),
         everywhere=False,
     ),
-    "magnetic": WhatFlies(
+    "magnetic": FlyableLaws(
         "the laws magnetic and fault-tolerant apply; all axes are held as the field turns in the "
         "orbit",
         (
@@ -67,7 +67,7 @@ LEFT: Mapping[Laws, WhatFlies] = {
         ),
         ("magnetic", "fault-tolerant"),
     ),
-    "none": WhatFlies("no law of jaxsat applies", (TolerantMode.DAMPING,), (), everywhere=False),
+    "none": FlyableLaws("no law of jaxsat applies", (TolerantMode.DAMPING,), (), everywhere=False),
 }
 """Laws by remaining torques: of either sign about three axes or in a plane; of two wheels without
 momentum about their normal, or with it for a target at rest; of magnetorquers over an orbit, alone

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import pytest
 
 from helpers.compiling import interpreted
-from jaxsat.control.what_is_left import LEFT
+from jaxsat.control.flyable_laws import FLYABLE
 from jaxsat.scenario.build.actuator_set import judge_scenario
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
@@ -49,12 +49,12 @@ def test_the_law_does_what_controllability_says(laws):
     run = build(scenario)
     law, start = run.loop.controller, run.loop.plant.complete(run.start)
     _, memory = interpreted(law.step, jnp.zeros(()), start, law.init(start))
-    assert int(law.mode(memory)) in LEFT[laws].modes
+    assert int(law.mode(memory)) in FLYABLE[laws].modes
 
 
 def test_every_verdict_that_a_law_flies_has_its_row():
-    assert {laws for laws, one in LEFT.items() if one.everywhere} == set(_LEFT)
-    assert {laws for laws, one in LEFT.items() if one.laws == ()} == {"none"}
-    modes = [mode for one in LEFT.values() for mode in one.modes]
+    assert {laws for laws, one in FLYABLE.items() if one.everywhere} == set(_LEFT)
+    assert {laws for laws, one in FLYABLE.items() if one.laws == ()} == {"none"}
+    modes = [mode for one in FLYABLE.values() for mode in one.modes]
     assert len(modes) == len(set(modes))
     assert not set(_UNFLOWN.values()) & {_LEFT["three torques"], _LEFT["magnetic"]}
