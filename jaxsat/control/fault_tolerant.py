@@ -73,7 +73,7 @@ Kinds = list[tuple[AbstractTolerantActuators, TolerantMemory]]
 """Actuators of each kind with their memory at this sample."""
 
 
-class _Left(NamedTuple):
+class _Joint(NamedTuple):
     """Capability of all `kinds`: whether `three` axes are driven, and the `axis` (unit vector) that
     magnetorquers hold, zero where other actuators make all torques.
 
@@ -146,9 +146,9 @@ class FaultTolerant(AbstractSampledController):
         if self.rods is None or memory.rods is None:
             return self._acting(t, state, memory)
         rods = self._watched(t, state, memory, memory.rods)
-        left = self.rods.diagnosed(rods)
-        magnetic = None if self.magnetic is None else self.magnetic.diagnosed(left)
-        law = dataclasses.replace(self, rods=left, magnetic=magnetic)
+        working_rods = self.rods.diagnosed(rods)
+        magnetic = None if self.magnetic is None else self.magnetic.diagnosed(working_rods)
+        law = dataclasses.replace(self, rods=working_rods, magnetic=magnetic)
         return law._acting(t, state, memory._replace(rods=rods))
 
     def _acting(
@@ -166,17 +166,17 @@ class FaultTolerant(AbstractSampledController):
         ]
         mix = self._mix(sample, kinds)
         three = mix.spans(memory.mix)
-        left = self._left(sample, kinds, three, memory.rods)
-        flight = self._magnetic(sample, left, memory.magnetic)
-        slowed = sample._replace(law=self._slowed(sample, left))
-        torque, healthy = self._feedback(slowed, left, memory.healthy)
-        dipoles, made, rods = self._rods(sample, left, torque, flight)
-        whole, axis = three, left.axis
-        if made is not None and axis is not None:
-            torque, whole = torque - made, three | jnp.any(axis != 0)
+        joint = self._joint(sample, kinds, three, memory.rods)
+        flight = self._magnetic(sample, joint, memory.magnetic)
+        slowed = sample._replace(law=self._slowed(sample, joint))
+        torque, healthy = self._feedback(slowed, joint, memory.healthy)
+        dipoles, rod_torque, rods = self._rods(sample, joint, torque, flight)
+        whole, axis = three, joint.axis
+        if rod_torque is not None and axis is not None:
+            torque, whole = torque - rod_torque, three | jnp.any(axis != 0)
             torque = torque - axis * jnp.sum(axis * torque)
-        torque, mix, besides, band = self._coasting(sample, left, torque, mix, memory.band)
-        following, unloading = self._unloading(sample, left, mix, memory.mix)
+        torque, mix, besides, band = self._coasting(sample, joint, torque, mix, memory.band)
+        following, unloading = self._unloading(sample, joint, mix, memory.mix)
         commands, memories = [], []
         demands, unmade = mix.demands(torque, unloading, whole)
         demands = [one._replace(besides=own) for one, own in zip(demands, besides, strict=True)]
@@ -198,26 +198,26 @@ class FaultTolerant(AbstractSampledController):
         return jnp.concatenate([*commands, *dipoles]), memory
 
     def _magnetic(
-        self, sample: Sample, left: _Left, before: TolerantMagneticMemory | None
+        self, sample: Sample, joint: _Joint, before: TolerantMagneticMemory | None
     ) -> MagneticFlight | None:
         """Return the flight of the law `magnetic`, active where nothing else settles, or None."""
-        axis, undriven = left.axis, left.undriven
+        axis, undriven = joint.axis, joint.undriven
         if self.magnetic is None or before is None or axis is None or undriven is None:
             return None
-        settled, flows = left.three | jnp.any(axis + undriven != 0), jnp.array(False)
-        for one, now in left.kinds:
+        settled, flows = joint.three | jnp.any(axis + undriven != 0), jnp.array(False)
+        for one, now in joint.kinds:
             settled, flows = settled | one.alone(now), flows | one.flows(now)
-        each = (one.wheeled(now) for one, now in left.kinds)
-        wheeled = next((one for one in each if one is not None), None)
-        found = None if self.rods is None else self.rods.body_dipole(left.rods)
-        return self.magnetic.act(sample, ~settled, flows, wheeled, before, found)
+        each = (one.in_use(now) for one, now in joint.kinds)
+        in_use = next((one for one in each if one is not None), None)
+        body_dipole = None if self.rods is None else self.rods.body_dipole(joint.rods)
+        return self.magnetic.act(sample, ~settled, flows, in_use, before, body_dipole)
 
-    def _left(
+    def _joint(
         self, sample: Sample, kinds: Kinds, three: BoolScalar, before: RodMemory | None
-    ) -> _Left:
+    ) -> _Joint:
         """Return the capability of all kinds."""
         if self.rods is None or before is None:
-            return _Left(kinds, three)
+            return _Joint(kinds, three)
         bias, model = self.rods.bias, self.healthy.model
         normal, field = jnp.where(three, 0.0, _missing(kinds)), self.rods.field(sample)
         each = [one.unloadable(sample, now, bias, field, jnp.array(True)) for one, now in kinds]
@@ -226,35 +226,35 @@ class FaultTolerant(AbstractSampledController):
         overloaded = self.rods.overloaded(sample, normal, excess, coasting, before)
         holds = self.rods.holds(model.spacecraft.inertia, normal) & ~overloaded
         axis = jnp.where(holds, normal, 0.0)
-        others = [one.alone(now) for one, now in kinds if one.wheeled(now) is None]
+        others = [one.alone(now) for one, now in kinds if one.in_use(now) is None]
         undriven = jnp.where(jnp.any(jnp.stack([jnp.array(False), *others])), 0.0, normal - axis)
         rods = before._replace(overloaded=overloaded)
-        return _Left(kinds, three, axis, undriven, excess, rods)
+        return _Joint(kinds, three, axis, undriven, excess, rods)
 
     def _feedback(
-        self, sample: Sample, left: _Left, before: QuaternionFeedbackMemory
+        self, sample: Sample, joint: _Joint, before: QuaternionFeedbackMemory
     ) -> tuple[Vector, QuaternionFeedbackMemory]:
         """Return the torque (N m) of a law, slower about an axis, with gyroscopic compensation.
 
         The law reads the mean rate where pulses oppose a steady torque.
         """
         stored, law, slower = self._stored(sample.reading), sample.law, sample.law
-        sample = self._of_mean_rate(sample, left)
-        if self.rods is not None and left.axis is not None:
-            law, slower = self.rods.slowed(sample, left.axis, cast(Vector, stored))
+        sample = self._of_mean_rate(sample, joint)
+        if self.rods is not None and joint.axis is not None:
+            law, slower = self.rods.slowed(sample, joint.axis, cast(Vector, stored))
         torque, after = law.step(sample.t, sample.state, before)
-        if left.axis is not None:
+        if joint.axis is not None:
             slow, _ = slower.step(sample.t, sample.state, before)
-            torque = about(law.model.spacecraft.inertia, left.axis, torque, slow)
+            torque = about(law.model.spacecraft.inertia, joint.axis, torque, slow)
         if stored is not None:
             torque = torque + jnp.cross(sample.state.omega, stored)
         return torque, after
 
-    def _of_mean_rate(self, sample: Sample, left: _Left) -> Sample:
+    def _of_mean_rate(self, sample: Sample, joint: _Joint) -> Sample:
         """Return the sample with the mean rate of a period, as far as pulses that begin it and
         oppose a steady torque would point the law off: by 2ζ a (T/2) / Ω for an acceleration a."""
         law, early, steady = sample.law, jnp.zeros(3), jnp.zeros(3)
-        for one, now in left.kinds:
+        for one, now in joint.kinds:
             early, steady = (
                 early + one.early(now, self.period),
                 steady + one.steady(now, self.period),
@@ -268,66 +268,66 @@ class FaultTolerant(AbstractSampledController):
     def _stored(self, reading: Reading) -> Vector | None:
         """Return the momentum (N m s) that all kinds store; None where none can."""
         each = [one.stored(reading) for one in self.actuators]
-        held = [one for one in each if one is not None]
-        if not held:
+        momenta = [one for one in each if one is not None]
+        if not momenta:
             return None if self.rods is None else jnp.zeros(3)
-        return sum(held[1:], held[0])
+        return sum(momenta[1:], momenta[0])
 
     def _rods(
         self,
         sample: Sample,
-        left: _Left,
+        joint: _Joint,
         torque: Vector,
         flight: MagneticFlight | None,
     ) -> tuple[list[Float[Array, " k"]], Vector | None, RodMemory | None]:
         """Return the dipoles of magnetorquers (A m²), their torque (N m) and memory, if there are
         any."""
-        axis, undriven, held, before = left.axis, left.undriven, left.excess, left.rods
-        if self.rods is None or before is None or axis is None or undriven is None or held is None:
+        axis, undriven, extra, before = joint.axis, joint.undriven, joint.excess, joint.rods
+        if self.rods is None or before is None or axis is None or undriven is None or extra is None:
             return [], None, None
         bias, field, holds = self.rods.bias, self.rods.field(sample), jnp.any(axis != 0)
-        each = [one.unloadable(sample, now, bias, field, holds) for one, now in left.kinds]
-        excess = jnp.where(left.three | holds, sum(each, 0 * bias), 0.0)
+        each = [one.unloadable(sample, now, bias, field, holds) for one, now in joint.kinds]
+        excess = jnp.where(joint.three | holds, sum(each, 0 * bias), 0.0)
         stored = cast(Vector, self._stored(sample.reading))
-        coasting, hurries = stored - bias - held, jnp.any(undriven != 0)
-        whole = self.rods.whole(sample, held)
+        coasting, hurries = stored - bias - extra, jnp.any(undriven != 0)
+        whole = self.rods.whole(sample, extra)
         excess = jnp.where(hurries, whole, excess)
         relief = self.rods.relief(sample, axis, excess, coasting, hurries)
-        known = self.rods.known_dipole(before)
-        dipoles = self.rods.beside_wheels(field, relief, torque, axis, known)
+        body_dipole = self.rods.known_dipole(before)
+        dipoles = self.rods.beside_wheels(field, relief, torque, axis, body_dipole)
         if flight is not None:
             dipoles = jnp.where(flight.acts, flight.dipoles, dipoles)
-        commands, made, after = self.rods.act(field, dipoles, self.period, before)
-        return [commands], made, after
+        commands, torque_of_rods, after = self.rods.act(field, dipoles, self.period, before)
+        return [commands], torque_of_rods, after
 
     def _coasting(
-        self, sample: Sample, left: _Left, torque: Vector, mix: Mix, before: BandMemory | None
+        self, sample: Sample, joint: _Joint, torque: Vector, mix: Mix, before: BandMemory | None
     ) -> tuple[Vector, Mix, list[Float[Array, " m"] | None], BandMemory | None]:
         """Let the axis of the `band` coast: return the torque (N m) and the mix without it, the
         duties of thrusters at the band's edges, and the band's memory."""
-        besides: list[Float[Array, " m"] | None] = [None] * len(left.kinds)
+        besides: list[Float[Array, " m"] | None] = [None] * len(joint.kinds)
         if self.band is None or before is None:
             return torque, mix, besides, None
-        flows = jnp.any(jnp.stack([one.flows(now) for one, now in left.kinds]))
-        axis = jnp.where(left.three & ~flows, _missing(left.kinds), 0.0)
+        flows = jnp.any(jnp.stack([one.flows(now) for one, now in joint.kinds]))
+        axis = jnp.where(joint.three & ~flows, _missing(joint.kinds), 0.0)
         stored = cast(Vector, self._stored(sample.reading))
-        limits = [one.thrust_limit(now) for one, now in left.kinds]
+        limits = [one.thrust_limit(now) for one, now in joint.kinds]
         place, limit = next((n, one) for n, one in enumerate(limits) if one is not None)
-        corrected = self.band.correct(
+        correction = self.band.correct(
             sample.state, self.healthy, axis, torque, stored, limit, before
         )
-        besides[place] = corrected.duty
-        without = jnp.where(corrected.memory.coasts, axis, 0.0)
-        return corrected.torque, mix.without(without), besides, corrected.memory
+        besides[place] = correction.duty
+        without = jnp.where(correction.memory.coasts, axis, 0.0)
+        return correction.torque, mix.without(without), besides, correction.memory
 
-    def _slowed(self, sample: Sample, left: _Left) -> QuaternionFeedback:
+    def _slowed(self, sample: Sample, joint: _Joint) -> QuaternionFeedback:
         """Limit the slew rate of the law of three axes to momentum that the actuators can hold.
 
         With help by other kinds, not all of it need fit.
         """
-        for one, now in left.kinds:
+        for one, now in joint.kinds:
             law = sample.law
-            holds = (now.ability.left == Rank.THREE_AXES) | ~left.three
+            holds = (now.ability.rank == Rank.THREE_AXES) | ~joint.three
             rate = jnp.where(holds, one.slowed(sample, now).max_rate, law.max_rate)
             sample = sample._replace(law=dataclasses.replace(law, max_rate=rate))
         return sample.law
@@ -337,14 +337,14 @@ class FaultTolerant(AbstractSampledController):
         return Mix(
             tuple(one.reach(sample, now) for one, now in kinds),
             tuple(one.steady(now, self.period) for one, now in kinds),
-            tuple(now.ability.left == Rank.THREE_AXES for _, now in kinds),
+            tuple(now.ability.rank == Rank.THREE_AXES for _, now in kinds),
             tuple(one.alone(now) for one, now in kinds),
             tuple(one.stored(sample.reading) is not None for one in self.actuators),
             tuple(one.momentum_price(sample, now) for one, now in kinds),
         )
 
     def _unloading(
-        self, sample: Sample, left: _Left, mix: Mix, before: MixMemory | None
+        self, sample: Sample, joint: _Joint, mix: Mix, before: MixMemory | None
     ) -> tuple[MixMemory | None, Unloading]:
         """Return the mix's memory and the torques (N m) that unload momentum from other devices.
 
@@ -354,14 +354,14 @@ class FaultTolerant(AbstractSampledController):
         unloads, flows, torque = jnp.array(False), jnp.array(False), jnp.zeros(3)
         if before is None:
             return None, Unloading(torque, torque)
-        for one, now in left.kinds:
+        for one, now in joint.kinds:
             full, relief = one.overfull(sample, now, before.unloads)
             unloads, torque = unloads | full, torque + relief
             flows = flows | one.flows(now)
         steady = sum(mix.steady, jnp.zeros(3))
-        first = jnp.where((unloads | flows) & left.three, steady, 0.0)
-        following = before._replace(three=left.three, unloads=unloads & left.three)
-        relief = jnp.where(left.three, torque, 0.0)
+        first = jnp.where((unloads | flows) & joint.three, steady, 0.0)
+        following = before._replace(three=joint.three, unloads=unloads & joint.three)
+        relief = jnp.where(joint.three, torque, 0.0)
         return following, Unloading(first, relief, self._error(sample.state))
 
     def _error(self, state: PlantState) -> Matrix:
@@ -433,7 +433,7 @@ class FaultTolerant(AbstractSampledController):
         if self.rods is None or rank != 2:
             return False
         inertia = self.healthy.model.spacecraft.inertia
-        return bool(self.rods.left(rods).holds(inertia, as_float(directions[:, 2])))
+        return bool(self.rods.only(rods).holds(inertia, as_float(directions[:, 2])))
 
     def false_alarm_rate(self, reference: float, threshold: float) -> float:
         """Upper limit of false alarms per sample by all tests; both arguments in sigmas."""
@@ -476,7 +476,7 @@ def _instead(
     flight: MagneticFlight, one: AbstractTolerantActuators, now: TolerantMemory
 ) -> Instead:
     """Return the commands of one kind while the law `magnetic` flies: zero for all but wheels."""
-    idle = one.wheeled(now) is None
+    idle = one.in_use(now) is None
     return Instead(flight.flies, jnp.zeros_like(now.commanded) if idle else flight.torques)
 
 

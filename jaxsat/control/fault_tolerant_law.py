@@ -196,14 +196,14 @@ def _settles(thrusters: TolerantThrusters, wheels: WheelContext | None) -> bool:
     """Whether thrusters settle all axes at the start, alone or with the wheels that work."""
     tables = thrusters.reconfiguration
     if _no_wheel_works(wheels):
-        return int(np.asarray(tables.left)[0]) != Rank.LESS
+        return int(np.asarray(tables.rank)[0]) != Rank.LESS
     return _left_with(np.asarray(tables.torque), cast(WheelContext, wheels)) == Rank.THREE_AXES
 
 
 def _left_with(torque: Float[np.ndarray, "3 m"], wheels: WheelContext) -> Rank:
     """Return what thrusters of these torques (N m) and the wheels that work make together."""
     axes = np.asarray(wheels.wheels.axes)[:, ~wheels.failed]
-    return failed_set(np.concatenate([unit_columns(torque), axes, -axes], axis=1), ()).left
+    return failed_set(np.concatenate([unit_columns(torque), axes, -axes], axis=1), ()).rank
 
 
 def _no_wheel_works(wheels: WheelContext | None) -> bool:
@@ -221,7 +221,7 @@ def _without_idle_wheels(context: LawContext) -> LawContext:
         return context
     torque = np.asarray(thrusters.model.torque)
     axes = np.asarray(wheels.wheels.axes)[:, ~wheels.failed]
-    planar = failed_set(torque, ()).left == Rank.PLANE
+    planar = failed_set(torque, ()).rank == Rank.PLANE
     if not planar or np.linalg.matrix_rank(axes, tol=PARALLEL) != 1:
         return context
     if _left_with(torque, wheels) == Rank.THREE_AXES:
@@ -242,8 +242,8 @@ def _tolerant_rods(values: Mapping[str, Any], context: LawContext) -> TolerantRo
     if context.magnetic is None:
         return None
     steering = context.magnetic.steering
-    asked = np.any(np.asarray(steering.shares) != 0, axis=1)
-    fit = _rod_fit(context, values["period_s"]) if len(asked) <= MOST_RODS else None
+    usable = np.any(np.asarray(steering.shares) != 0, axis=1)
+    fit = _rod_fit(context, values["period_s"]) if len(usable) <= MOST_RODS else None
     return TolerantRods.of(steering, context.delay, fit)
 
 
@@ -373,7 +373,7 @@ def _settling(
             except UnsuitableModel:
                 if not one.failed and context.magnetic is None:
                     raise
-                one = one._replace(left=Rank.LESS, directions=None)
+                one = one._replace(rank=Rank.LESS, directions=None)
         final_sets.append(one)
         of_set.append(place)
     if not laws:

@@ -157,13 +157,13 @@ class Leaks(eqx.Module):
     def push(
         self,
         fit: Fit,
-        wanted: RealScalar,
+        demand: RealScalar,
         duty: Float[Array, " m"],
         limit: Float[Array, " m"],
         period: RealScalar,
         memory: LeakMemory,
     ) -> tuple[Float[Array, " m"], LeakMemory]:
-        """Duties with the `wanted` acceleration (rad/s²) about n added, in whole pulses of all
+        """Duties with the acceleration `demand` (rad/s²) about n added, in whole pulses of all
         thrusters of a combination at once.
 
         It has what the `duty` in the plane leaves: a combination that one of its thrusters cannot
@@ -171,7 +171,7 @@ class Leaks(eqx.Module):
         """
         leaking = jnp.sum(self.believed(fit) * (self.basis @ (limit * duty)))
         share = period / (self.averaged + period)
-        owed = memory.owed + wanted * period
+        owed = memory.owed + demand * period
         way = jnp.where(owed < 0, 0, 1)
         most, extra = memory.push[way] * period, memory.duty[way]
         owed = jnp.clip(owed, -memory.push[0] * period, memory.push[1] * period)

@@ -40,7 +40,7 @@ depend on failed thrusters' torque: if otherwise a plane remains, and if even le
 
 
 class Rank(enum.IntEnum):
-    """Remaining torques of either sign: about all axes, in a plane, or fewer."""
+    """Torques of either sign that actuators make together: about all axes, in a plane, or fewer."""
 
     THREE_AXES = 0
     PLANE = 1
@@ -54,7 +54,7 @@ class FailedSet(NamedTuple):
     """
 
     failed: tuple[int, ...]
-    left: Rank
+    rank: Rank
     directions: Float[np.ndarray, "3 2"] | None = None
 
 
@@ -92,14 +92,14 @@ class Ability(NamedTuple):
     """
 
     number: IntScalar
-    left: Annotated[IntScalar, Rank]
+    rank: Annotated[IntScalar, Rank]
     limit: Float[Array, " m"]
 
 
 class Reconfiguration(eqx.Module):
     """The `failed_sets` as tables, and the allocation of a torque to the remaining thrusters.
 
-    `left` has the `Rank` of each set. `number` (m, m) is the number of the set with two given
+    `rank` has the `Rank` of each set. `number` (m, m) is the number of the set with two given
     thrusters as first and last, -1 without a table. `torque` (3, m) is that at full thrust (N m).
     `flat`: no thruster has torque about some body axis, so that no failure leaves three axes.
     """
@@ -107,7 +107,7 @@ class Reconfiguration(eqx.Module):
     torque: Float[Array, "3 m"] = eqx.field(converter=as_float)
     duties: LeastPropellant
     number: Int[Array, "m m"]
-    left: Int[Array, " sets"]
+    rank: Int[Array, " sets"]
     flat: bool = eqx.field(static=True)
 
     @staticmethod
@@ -124,14 +124,14 @@ class Reconfiguration(eqx.Module):
             torque,
             LeastPropellant.of(torque, cost),
             as_array(number),
-            as_array(np.array([int(one.left) for one in sets])),
+            as_array(np.array([int(one.rank) for one in sets])),
             flat=bool(largest.min() <= FLAT * largest.max()),
         )
 
     @property
     def whole(self) -> Ability:
         """The capability without failures in flight."""
-        return Ability(jnp.array(0), self.left[0], jnp.ones(self.torque.shape[1]))
+        return Ability(jnp.array(0), self.rank[0], jnp.ones(self.torque.shape[1]))
 
     def find(self, condition: ActuatorCondition, before: "Ability") -> "Ability":
         """The remaining capability in a `condition`; `before` is that at the last sample.
@@ -142,15 +142,15 @@ class Reconfiguration(eqx.Module):
         Weak thrusters also contribute where the working ones cannot oppose the flow.
         """
         failed, part = condition.failed, condition.part
-        number, left = self._tabled(failed)
+        number, rank = self._tabled(failed)
         working = jnp.where(failed, 0.0, 1.0)
         weak = failed & (part >= WEAK) & (condition.flow <= 0)
         limit = jnp.where(weak, part, working)
-        had_three = (before.left == Rank.THREE_AXES) & (before.number == number)
-        spare = jnp.where(left == Rank.PLANE, SPARE, LEAST_SPARE) * jnp.where(had_three, 0.5, 1.0)
+        had_three = (before.rank == Rank.THREE_AXES) & (before.number == number)
+        spare = jnp.where(rank == Rank.PLANE, SPARE, LEAST_SPARE) * jnp.where(had_three, 0.5, 1.0)
         steady = -(self.torque @ condition.flow)
         all_axes = jax.lax.cond(
-            left == Rank.THREE_AXES,
+            rank == Rank.THREE_AXES,
             lambda: jnp.array(False),
             lambda: self._spans(limit, steady, spare),
         )
@@ -161,7 +161,7 @@ class Reconfiguration(eqx.Module):
         )
         return Ability(
             number,
-            jnp.where(all_axes, int(Rank.THREE_AXES), jnp.where(left < 0, int(Rank.LESS), left)),
+            jnp.where(all_axes, int(Rank.THREE_AXES), jnp.where(rank < 0, int(Rank.LESS), rank)),
             jnp.where(all_axes | helps, limit, working),
         )
 
@@ -179,7 +179,7 @@ class Reconfiguration(eqx.Module):
         number = jnp.where(count > 0, self.number[jnp.argmax(failed), last], 0)
         in_table = (count <= MOST_FAILED) & (number >= 0)
         number = jnp.where(count <= MOST_FAILED, jnp.maximum(number, 0), 0)
-        return number, jnp.where(in_table, self.left[number], -1)
+        return number, jnp.where(in_table, self.rank[number], -1)
 
     def needed(self, failed: Bool[Array, " m"]) -> Bool[Array, " m"]:
         """Mask of working thrusters whose loss leaves fewer than three axes or no table."""
@@ -188,7 +188,7 @@ class Reconfiguration(eqx.Module):
         last = jnp.max(jnp.where(failed, place, -1))
         number = self.number[jnp.minimum(first, place), jnp.maximum(last, place)]
         in_table = (jnp.sum(failed) < MOST_FAILED) & (number >= 0)
-        return ~failed & ~(in_table & (self.left[jnp.maximum(number, 0)] == Rank.THREE_AXES))
+        return ~failed & ~(in_table & (self.rank[jnp.maximum(number, 0)] == Rank.THREE_AXES))
 
     def _spans(self, limit: Float[Array, " m"], steady: Vector, spare: RealScalar) -> BoolScalar:
         """Whether a torque (N m) plus the part `spare` of the largest on each axis is possible."""

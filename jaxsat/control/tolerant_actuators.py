@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 from jaxsat.control.diagnosis.diagnosis import DiagnosisMemory
 from jaxsat.control.diagnosis.residual import AbstractResidualFilter, Reading
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
-from jaxsat.control.wheel_allocation import Wheeled
+from jaxsat.control.wheel_allocation import WheelsInUse
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.spacecraft.allocation import MomentumPrice
 from jaxsat.spacecraft.dynamics import PlantState
@@ -53,9 +53,9 @@ def tolerant_mode(mode: IntScalar, modes: type[enum.IntEnum], prefix: str = "") 
 class TolerantMemory(NamedTuple):
     """Memory of actuators of one kind: diagnosis, ability, and last command.
 
-    `ability` has an attribute `left`, the class of torques left. `commanded` is the command since
-    the last sample as the residual filter reads it, `probe` (s) the time since the last test pulse,
-    `own` the memory of the kind.
+    `ability` has an attribute `rank`, that of the remaining torques. `commanded` is the command
+    since the last sample as the residual filter reads it, `probe` (s) the time since the last test
+    pulse, `own` the memory of the kind.
     """
 
     diagnosis: DiagnosisMemory
@@ -161,7 +161,7 @@ class AbstractTolerantActuators(eqx.Module):
         """Return the unit vector about which alone they make no torque, or zero."""
         return jnp.zeros(3)
 
-    def wheeled(self, memory: TolerantMemory) -> Wheeled | None:
+    def in_use(self, memory: TolerantMemory) -> WheelsInUse | None:
         """Return the remaining wheels; None for other kinds."""
 
     def flows(self, memory: TolerantMemory) -> BoolScalar:

@@ -16,7 +16,7 @@ from jaxsat.control.periodic_gain import PeriodicGain
 from jaxsat.control.reconfiguration import Rank
 from jaxsat.control.tolerant_actuators import Sample, tolerant_mode
 from jaxsat.control.tolerant_rods import TolerantRods
-from jaxsat.control.wheel_allocation import Wheeled
+from jaxsat.control.wheel_allocation import WheelsInUse
 from jaxsat.core.array_types import BoolScalar, IntScalar, Vector
 from jaxsat.core.checks import as_array
 from jaxsat.core.declaration.magnetic import MAGNETIC_CONTROL
@@ -130,24 +130,24 @@ class TolerantMagnetic(eqx.Module):
         sample: Sample,
         unsettled: BoolScalar,
         flows: BoolScalar,
-        wheeled: Wheeled | None,
+        in_use: WheelsInUse | None,
         before: TolerantMagneticMemory,
-        found: tuple[Vector, Vector] | None = None,
+        body_dipole: tuple[Vector, Vector] | None = None,
     ) -> MagneticFlight:
         """What it does where no other law settles (`unsettled`) beside the wheels in use, None for
         no wheels.
 
         It flies where these are along one axis and no failed thruster `flows`; else magnetorquers
         damp the rate. What was learnt of dipole and torque is kept as wheels fail, but not how the
-        body moved. The dipole of the body that the diagnosis of magnetorquers has `found` (A m²),
-        with that of stuck ones, replaces the law's own where they differ by more than its error, of
+        body moved. The `body_dipole` (A m²), of the body and of stuck magnetorquers by their
+        diagnosis, replaces the law's own where they differ by more than its error, of
         these standard deviations (A m²). The law's own is not exact: it follows drag. A dipole of
         the body that no magnetorquer opposes is first turned into the field, and the law has what
         this leaves of the dipoles. Wheels make the rest of its torque about their axis.
         """
         none = jnp.zeros(0)
-        usable = none if wheeled is None else wheeled.usable
-        few = jnp.array(True) if wheeled is None else wheeled.left == Rank.LESS
+        usable = none if in_use is None else in_use.usable
+        few = jnp.array(True) if in_use is None else in_use.rank == Rank.LESS
         flies = unsettled & few & ~flows
         number = self._number(jnp.where(flies, usable, 0.0))
         used = jnp.where(self.members[number], usable, 0.0)
@@ -157,8 +157,8 @@ class TolerantMagnetic(eqx.Module):
             mode=jnp.where(same, before.own.mode, int(MagneticMode.DAMPING)),
             predicts=same & before.own.predicts,
         )
-        if found is not None:
-            dipole, sigma = found
+        if body_dipole is not None:
+            dipole, sigma = body_dipole
             apart = dipole - own.dipole
             own = own._replace(dipole=own.dipole + believed(jnp.sum((apart / sigma) ** 2)) * apart)
         steering, state = law.steering, sample.state
@@ -166,13 +166,13 @@ class TolerantMagnetic(eqx.Module):
         body = own.dipole
         besides = steering.shortened(steering.shares @ body - steering.turned(field, body))
         torque, own = law.beside(sample.t, state, own, besides)
-        wanted = steering.wanted_torque(state, torque)
-        dipoles, made = steering.within_limits(field, wanted, besides)
+        demand = steering.wanted_torque(state, torque)
+        dipoles, rod_torque = steering.within_limits(field, demand, besides)
         torques = none
         if law.wheel_axes is not None:
             along = law.wheel_axes.T @ law.gain.basis[:, 0]
             shares = used * along / (jnp.sum(used * along**2) + SMALLEST)
-            torques = shares * jnp.sum(law.gain.basis[:, 0] * (torque - made))
+            torques = shares * jnp.sum(law.gain.basis[:, 0] * (torque - rod_torque))
         memory = TolerantMagneticMemory(own, jnp.where(flies, number, NOWHERE))
         return MagneticFlight(flies, unsettled, besides + dipoles, torques, memory)
 
@@ -238,9 +238,9 @@ def _magnetic_law(
     """The law `magnetic` with wheels along a unit axis, or none. They keep the bias along it."""
     unmade, bias = np.eye(3) - axis @ axis.T, np.asarray(magnetic.steering.bias)
     along = np.abs(unmade @ bias).max() <= PARALLEL * np.abs(bias).max()
-    kept = bias if along else np.zeros(3)
-    steering = dataclasses.replace(magnetic.steering, wanted=unmade, bias=kept)
-    own = MagneticContext(steering, magnetic.momentum + kept - bias)
+    own_bias = bias if along else np.zeros(3)
+    steering = dataclasses.replace(magnetic.steering, wanted=unmade, bias=own_bias)
+    own = MagneticContext(steering, magnetic.momentum + own_bias - bias)
     table = {key.name: key.default for key in MAGNETIC_CONTROL.keys}
     table["period_s"] = values["period_s"]
     return MagneticLaw.from_table(table, context._replace(magnetic=own))

@@ -85,7 +85,7 @@ class Mix(NamedTuple):
         three = jnp.any(jnp.stack(self.three))
         return jax.lax.cond(three, lambda: jnp.array(True), lambda: self._spans(before.three))
 
-    def _spans(self, held: BoolScalar) -> BoolScalar:
+    def _spans(self, had_three: BoolScalar) -> BoolScalar:
         """Test by allocation: each axis both ways, with a share of the largest torque to spare.
 
         Half that margin suffices where three axes were driven before.
@@ -94,7 +94,7 @@ class Mix(NamedTuple):
         each = jnp.maximum(jnp.abs(reach.low), jnp.abs(reach.high))
         largest = jnp.max(jnp.abs(reach.columns) * each[None], axis=1)
         most = jnp.max(largest)
-        spare = LEAST_SPARE * jnp.where(held, 0.5, 1.0)
+        spare = LEAST_SPARE * jnp.where(had_three, 0.5, 1.0)
         ways = jnp.concatenate([jnp.eye(3), -jnp.eye(3)])
         steady = sum(self.steady, jnp.zeros(3))
 

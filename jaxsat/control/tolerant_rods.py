@@ -107,7 +107,7 @@ class TolerantRods(eqx.Module):
         cls, steering: MagneticSteering, delay: float, fit: RodFit | None = None
     ) -> "TolerantRods":
         """Build with `power` averaged over the orbit and the Earth's rotation."""
-        axes, asked = np.asarray(steering.axes), np.any(np.asarray(steering.shares) != 0, axis=1)
+        axes, usable = np.asarray(steering.axes), np.any(np.asarray(steering.shares) != 0, axis=1)
         turns = np.arange(INSTANTS) * 2 * np.pi / INSTANTS
         along = turns / float(steering.field.circle.rate)
         fields = steering.field.sampled(along, turns[:, None])
@@ -117,21 +117,21 @@ class TolerantRods(eqx.Module):
             working = np.any(shares != 0, axis=1)
             if np.linalg.matrix_rank(axes[:, working]) < 2:
                 return np.zeros((3, 3))
-            made = np.asarray(steering.dipole_limit)[working].min() * axes @ shares @ across
-            return np.mean(made.swapaxes(-1, -2) @ made, axis=(0, 1))
+            torque = np.asarray(steering.dipole_limit)[working].min() * axes @ shares @ across
+            return np.mean(torque.swapaxes(-1, -2) @ torque, axis=(0, 1))
 
         whole = cls(steering, delay, power(np.asarray(steering.shares)), fit)
         if fit is None:
             return whole
-        subsets = np.arange(2 ** len(asked))[:, None] >> np.arange(len(asked)) & 1
-        shares = np.stack([_shares(axes, asked & (one > 0)) for one in subsets])
+        subsets = np.arange(2 ** len(usable))[:, None] >> np.arange(len(usable)) & 1
+        shares = np.stack([_shares(axes, usable & (one > 0)) for one in subsets])
         sets = RodSets(as_float(shares), as_float(np.stack([power(one) for one in shares])))
         return dataclasses.replace(whole, sets=sets)
 
-    def left(self, working: Bool[np.ndarray, " k"]) -> "TolerantRods":
+    def only(self, working: Bool[np.ndarray, " k"]) -> "TolerantRods":
         """Return a copy with the working magnetorquers alone, if the law knows which these are."""
-        axes, asked = np.asarray(self.steering.axes), np.any(self.steering.shares != 0, axis=1)
-        shares = _shares(axes, np.asarray(asked) & working)
+        axes, usable = np.asarray(self.steering.axes), np.any(self.steering.shares != 0, axis=1)
+        shares = _shares(axes, np.asarray(usable) & working)
         steering = dataclasses.replace(self.steering, shares=shares)
         return TolerantRods.of(steering, float(self.delay))
 
@@ -155,8 +155,8 @@ class TolerantRods(eqx.Module):
             return memory
         model, field = self.fit.model, self.steering.field.in_body(t, state.attitude)
         momentum = model.spacecraft.inertia @ state.omega + stored
-        known = model.disturbance_torque(t, state)
-        sample = RodSample(state.omega, momentum, field, memory.acting, known, outside)
+        model_torque = model.disturbance_torque(t, state)
+        sample = RodSample(state.omega, momentum, field, memory.acting, model_torque, outside)
         return memory._replace(fit=self.fit.step(sample, period, memory.fit, diagnosis))
 
     def diagnosed(self, memory: RodMemory) -> "TolerantRods":
@@ -176,8 +176,8 @@ class TolerantRods(eqx.Module):
 
     def torque(self, memory: RodMemory) -> Vector:
         """Return the mean torque (N m) of all, and of the known dipole, since the last sample."""
-        made = memory.acting if memory.fit is None else memory.acting * memory.fit.part[None]
-        return jnp.sum(jnp.cross(self.steering.axes, made, axis=0), axis=1) + memory.pulled
+        effective = memory.acting if memory.fit is None else memory.acting * memory.fit.part[None]
+        return jnp.sum(jnp.cross(self.steering.axes, effective, axis=0), axis=1) + memory.pulled
 
     def body_dipole(self, memory: RodMemory | None) -> tuple[Vector, Vector] | None:
         """Return the dipole (A m²) of body and stuck magnetorquers, and its standard deviations."""
@@ -187,10 +187,10 @@ class TolerantRods(eqx.Module):
 
     def known_dipole(self, memory: RodMemory) -> Vector:
         """Return what stands out of its noise of the dipole (A m²) of body and stuck ones."""
-        found = self.body_dipole(memory)
-        if found is None:
+        estimate = self.body_dipole(memory)
+        if estimate is None:
             return jnp.zeros(3)
-        dipole, sigma = found
+        dipole, sigma = estimate
         return believed(jnp.sum((dipole / sigma) ** 2)) * dipole
 
     @property
@@ -260,12 +260,12 @@ class TolerantRods(eqx.Module):
         """
         unit = sample.law.model.spacecraft.momentum_unit
         size = jnp.sum((self.whole(sample, excess) / unit) ** 2)
-        kept = jnp.sum((coasting / unit) ** 2) * sample.law.model.orbit.rate**2
+        gyroscopic = jnp.sum((coasting / unit) ** 2) * sample.law.model.orbit.rate**2
         most = jnp.sum(axis * (self.power @ axis)) / unit**2
         part = jnp.where(before.overloaded, BEARABLE, OVERLOAD)
         over = size * sample.law.model.orbit.rate**2 > part**2 * most
         far = jnp.sum(sample.state.attitude.as_quaternion().q[1:] ** 2) > (FULL_AT / 2) ** 2
-        little = kept < BEARABLE**2 * most
+        little = gyroscopic < BEARABLE**2 * most
         return (over | (before.overloaded & far)) & little & jnp.any(axis != 0)
 
     def relief(
@@ -282,13 +282,13 @@ class TolerantRods(eqx.Module):
         fast = RELIEF * self.natural_frequency(model.spacecraft.inertia, axis)
         fast = jnp.where(hurries, HURRY * sample.law.natural_frequency, jnp.where(holds, fast, 0.0))
         rate = jnp.maximum(self.steering.unloading, fast)
-        turned = jnp.cross(model.orbit.frame_rate(sample.state.attitude), coasting)
-        return jnp.where(holds | hurries, turned, 0.0) - rate * excess
+        gyroscopic = jnp.cross(model.orbit.frame_rate(sample.state.attitude), coasting)
+        return jnp.where(holds | hurries, gyroscopic, 0.0) - rate * excess
 
     def beside_wheels(
-        self, field: Vector, relief: Vector, torque: Vector, axis: Vector, known: Vector
+        self, field: Vector, relief: Vector, torque: Vector, axis: Vector, body_dipole: Vector
     ) -> Float[Array, " k"]:
-        """Return dipoles (A m²) that oppose a `known` dipole of the body, make what is left of a
+        """Return dipoles (A m²) that oppose a known `body_dipole`, make what is left of a
         `torque` (N m) about an `axis`, and then the `relief` (N m) of wheels, in a field (T).
 
         The axis is zero where other actuators make all torques. These hold for a while what is not
@@ -296,10 +296,10 @@ class TolerantRods(eqx.Module):
         relief: opposed before all else, it would leave nothing to take momentum out.
         """
         limit, none = self.steering.dipole_limit, jnp.all(axis == 0)
-        opposing = -self.steering.turned(field, known)
+        opposing = -self.steering.turned(field, body_dipole)
         joint = none & jnp.any(jnp.abs(opposing) > limit)
         opposing = jnp.where(joint, 0.0, self.steering.shortened(opposing))
-        torque = torque - jnp.cross(known + self.steering.axes @ opposing, field)
+        torque = torque - jnp.cross(body_dipole + self.steering.axes @ opposing, field)
         rest = jnp.maximum(limit - jnp.abs(opposing), SMALLEST)
         steering = dataclasses.replace(self.steering, dipole_limit=rest)
         reach = steering.reach(field)
@@ -309,10 +309,10 @@ class TolerantRods(eqx.Module):
         holding = steering.shortened(turning * jnp.sum(axis * torque) / square)
         unloading = steering.shares @ jnp.cross(field, relief) / jnp.sum(field**2)
         unloading = unloading - turning * jnp.sum(each * unloading) / square
-        whole = steering.unlimited(field, relief - jnp.cross(known, field))
+        whole = steering.unlimited(field, relief - jnp.cross(body_dipole, field))
         unloading = jnp.where(joint, whole, unloading)
-        left = reach._replace(low=reach.low - holding, high=reach.high - holding)
-        return opposing + holding + allocate(left, reach.columns @ unloading).use
+        room = reach._replace(low=reach.low - holding, high=reach.high - holding)
+        return opposing + holding + allocate(room, reach.columns @ unloading).use
 
     def act(
         self, field: Vector, dipoles: Float[Array, " k"], period: RealScalar, before: RodMemory
@@ -325,11 +325,11 @@ class TolerantRods(eqx.Module):
             dipoles = dipoles + trial_dipoles(self.steering, field, dipoles, sense)
             test = jnp.where(before.fit.tested, sense * trial_size(self.steering), 0.0)
         commands = jnp.where(part == 0, test, dipoles / jnp.where(part == 0, 1.0, part))
-        made = field[:, None] * commands[None]
-        late = self.delay * before.commanded + (period - self.delay) * made
-        pulled = jnp.cross(self.known_dipole(before), field)
-        after = before._replace(commanded=made, acting=late / period, pulled=pulled)
-        return commands, columns @ dipoles + pulled, after
+        along_field = field[:, None] * commands[None]
+        late = self.delay * before.commanded + (period - self.delay) * along_field
+        pull = jnp.cross(self.known_dipole(before), field)
+        after = before._replace(commanded=along_field, acting=late / period, pulled=pull)
+        return commands, columns @ dipoles + pull, after
 
 
 def _shares(

@@ -130,8 +130,8 @@ class TolerantThrusters(AbstractTolerantActuators):
         """Return Σ b τ (1/2 - c/T), with on-times τ about the instants c of the period T."""
         thrusters, on_time = self.filter.thrusters, memory.commanded
         middle = (thrusters.opening_delay + on_time / 2) / period
-        made = memory.diagnosis.condition.part * on_time
-        return thrusters.torque @ (made * (0.5 - middle))
+        effective = memory.diagnosis.condition.part * on_time
+        return thrusters.torque @ (effective * (0.5 - middle))
 
     def quiet(self, memory: TolerantMemory) -> BoolScalar:
         """Whether no thruster is suspected, or makes a torque all the time."""
@@ -174,9 +174,9 @@ class TolerantThrusters(AbstractTolerantActuators):
             torque = jnp.where(three, owed / period, torque)
         opposed = jnp.where(self.flows(now), self.steady(now, period), 0.0)
         torque, steady = jnp.where(holds, torque, 0.0), jnp.where(holds, steady, opposed)
-        thrust, missed = self.reconfiguration.duties(torque, limit, steady)
+        thrust, shortfall = self.reconfiguration.duties(torque, limit, steady)
         if demand.use is not None:
-            unmade = jnp.where(three, period * missed, 0.0)
+            unmade = jnp.where(three, period * shortfall, 0.0)
             besides = sample.law.model.spacecraft.inverse_inertia @ unmade
         duty = thrust / jnp.where(limit > 0, limit, 1.0)
         whole = self.rounding(limit, duty, period, besides)
@@ -185,8 +185,8 @@ class TolerantThrusters(AbstractTolerantActuators):
         if self.settling is not None and settling is not None:
             leaks, fit = self.settling.at(now.ability.number)[2], cast(Fit, settling.estimator.fit)
             push = cast(RealScalar, settling.push)
-            pushed, leaking = leaks.push(fit, push, duty, limit, period, leaking)
-            duty = jnp.where(plane, pushed, duty)
+            with_push, leaking = leaks.push(fit, push, duty, limit, period, leaking)
+            duty = jnp.where(plane, with_push, duty)
         duty = jnp.where(holds, duty, self.damping(sample, now, duty))
         if demand.instead is not None:
             duty = jnp.where(demand.instead.when, demand.instead.use, duty)
@@ -214,19 +214,19 @@ class TolerantThrusters(AbstractTolerantActuators):
         settling, leaking = before.own.settling, before.own.leaking
         if self.settling is None or settling is None:
             return demand.torque, demand.steady, settling, leaking
-        number, left, limit = now.ability
-        changed = (number != before.ability.number) | (left != before.ability.left)
-        begins = (left == Rank.PLANE) & changed
+        number, rank, limit = now.ability
+        changed = (number != before.ability.number) | (rank != before.ability.rank)
+        begins = (rank == Rank.PLANE) & changed
         law, directions, leaks = self.settling.at(number)
         settling = choose(begins, law.init(state), settling)
         leaking = choose(begins, LeakMemory.none(self.filter.count), leaking)
         on_time = now.diagnosis.condition.part * before.commanded
         aid = leaks.aid(leaking, on_time, settling.fine.late)
-        given = jnp.zeros_like(settling.phase)
-        command, settling = law.in_phase(state, settling, given, aid)
+        free = jnp.zeros_like(settling.phase)
+        command, settling = law.in_phase(state, settling, free, aid)
         fit = cast(Fit, settling.estimator.fit)
         leaking = jax.lax.cond(
-            (left == Rank.PLANE) & (fit.samples == 0),
+            (rank == Rank.PLANE) & (fit.samples == 0),
             lambda: leaks.found(fit, limit, leaking),
             lambda: leaking,
         )
@@ -256,7 +256,7 @@ class TolerantThrusters(AbstractTolerantActuators):
         """Whether the law of three slews flies."""
         if self.settling is None:
             return jnp.array(False)
-        return memory.ability.left == Rank.PLANE
+        return memory.ability.rank == Rank.PLANE
 
     def mode_alone(self, memory: TolerantMemory) -> IntScalar:
         """Return the phase of the law of three slews."""

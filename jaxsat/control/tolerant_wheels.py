@@ -22,7 +22,7 @@ from jaxsat.control.tolerant_actuators import (
     TolerantMemory,
 )
 from jaxsat.control.two_wheels import TwoWheels, nearest_held
-from jaxsat.control.wheel_allocation import WheelAllocation, Wheeled
+from jaxsat.control.wheel_allocation import WheelAllocation, WheelsInUse
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import DCM, Quaternion
 from jaxsat.core.checks import not_negative
@@ -143,9 +143,9 @@ class TolerantWheels(AbstractTolerantActuators):
 
     def missing(self, memory: TolerantMemory) -> Vector:
         """Return the normal of the two driven axes, or zero."""
-        return jnp.where(memory.ability.left == Rank.PLANE, memory.ability.normal, 0.0)
+        return jnp.where(memory.ability.rank == Rank.PLANE, memory.ability.normal, 0.0)
 
-    def wheeled(self, memory: TolerantMemory) -> Wheeled:
+    def in_use(self, memory: TolerantMemory) -> WheelsInUse:
         """Return the wheels in use."""
         return memory.ability
 
@@ -158,9 +158,9 @@ class TolerantWheels(AbstractTolerantActuators):
     ) -> TolerantMemory:
         """Update what the wheels in use make together, and whether two of them settle."""
         momentum = cast(OfEach, sample.reading.momentum)
-        wheeled = self.allocation.find(diagnosis.condition, momentum, before.ability)
-        own = self._turning(sample, wheeled, before)
-        return before._replace(diagnosis=diagnosis, ability=wheeled, own=own)
+        in_use = self.allocation.find(diagnosis.condition, momentum, before.ability)
+        own = self._turning(sample, in_use, before)
+        return before._replace(diagnosis=diagnosis, ability=in_use, own=own)
 
     def reach(self, sample: Sample, memory: TolerantMemory) -> Reach:
         """Return the range of torques (N m), which closes as momentum nears the limit."""
@@ -186,15 +186,15 @@ class TolerantWheels(AbstractTolerantActuators):
         self, sample: Sample, memory: TolerantMemory, unloads: BoolScalar
     ) -> tuple[BoolScalar, Vector]:
         """Whether wheels are too full with the body at rest, and the torque (N m) against it."""
-        wheeled, limit = memory.ability, self.filter.wheels.momentum_limit
+        in_use, limit = memory.ability, self.filter.wheels.momentum_limit
         if limit is None:
             return jnp.zeros_like(unloads), jnp.zeros(3)
-        each = self.allocation.holding(wheeled) @ self._held(sample, wheeled)
+        each = self.allocation.holding(in_use) @ self._held(sample, in_use)
         fullest = jnp.max(jnp.abs(each) / limit)
         unloads = fullest > jnp.where(unloads, EMPTY, FULL)
-        most = REACTION * wheeled.usable
-        wanted = jnp.clip(UNLOADING * sample.law.natural_frequency * each, -most, most)
-        return unloads, jnp.where(unloads, -(self.filter.wheels.axes @ wanted), 0.0)
+        most = REACTION * in_use.usable
+        unloading = jnp.clip(UNLOADING * sample.law.natural_frequency * each, -most, most)
+        return unloads, jnp.where(unloads, -(self.filter.wheels.axes @ unloading), 0.0)
 
     def momentum_price(self, sample: Sample, memory: TolerantMemory) -> MomentumPrice:
         """Return the price of momentum, zero where a wheel can be spared.
@@ -202,12 +202,12 @@ class TolerantWheels(AbstractTolerantActuators):
         It is in proportion to the momentum of each wheel with the body at rest, and has the sign of
         torques of the wheel that add to this momentum.
         """
-        wheeled, limit = memory.ability, self.filter.wheels.momentum_limit
+        in_use, limit = memory.ability, self.filter.wheels.momentum_limit
         if limit is None:
             return super().momentum_price(sample, memory)
-        each = self.allocation.holding(wheeled) @ self._held(sample, wheeled)
-        needed = jnp.sum(wheeled.working) + wheeled.left <= 3
-        return MomentumPrice(wheeled.shares, jnp.where(needed, -DEAR * each / limit, 0.0))
+        each = self.allocation.holding(in_use) @ self._held(sample, in_use)
+        scarce = jnp.sum(in_use.working) + in_use.rank <= 3
+        return MomentumPrice(in_use.shares, jnp.where(scarce, -DEAR * each / limit, 0.0))
 
     def steady(self, memory: TolerantMemory, period: RealScalar) -> Vector:
         """Return zero: each wheel's own command compensates its friction."""
@@ -217,30 +217,30 @@ class TolerantWheels(AbstractTolerantActuators):
         self, sample: Sample, demand: Demand, before: TolerantMemory, now: TolerantMemory
     ) -> tuple[OfEach, TolerantMemory]:
         """Return the torque of each wheel on the body, N m."""
-        momentum, wheeled, law = cast(OfEach, sample.reading.momentum), now.ability, sample.law
+        momentum, in_use, law = cast(OfEach, sample.reading.momentum), now.ability, sample.law
         by_two = self.alone(now) & ~demand.three
-        plane = (wheeled.left == Rank.PLANE) & ~demand.three
-        torque = jnp.where(plane, self._by_two(sample, wheeled, now.own), demand.torque)
+        plane = (in_use.rank == Rank.PLANE) & ~demand.three
+        torque = jnp.where(plane, self._by_two(sample, in_use, now.own), demand.torque)
         unloading = UNLOADING * law.natural_frequency
-        shared = self.allocation.shared(wheeled, torque)
+        uses = self.allocation.shared(in_use, torque)
         if demand.use is not None:
-            shared = jnp.where(demand.three, demand.use, shared)
-        shared = self.allocation.balanced(wheeled, shared, momentum, unloading)
-        shared = jnp.where(demand.three | by_two, shared, self.damping(sample, now))
+            uses = jnp.where(demand.three, demand.use, uses)
+        uses = self.allocation.balanced(in_use, uses, momentum, unloading)
+        uses = jnp.where(demand.three | by_two, uses, self.damping(sample, now))
         if demand.instead is not None:
-            shared = jnp.where(demand.instead.when, demand.instead.use, shared)
+            uses = jnp.where(demand.instead.when, demand.instead.use, uses)
         pulse, probe = self._pulses(sample, now)
-        shared = shared + jnp.where(jnp.abs(shared) < jnp.abs(pulse), pulse, 0.0)
-        torques = self.allocation.commands(now.diagnosis.condition, momentum, shared)
-        command = jnp.where(wheeled.working, torques, pulse)
+        uses = uses + jnp.where(jnp.abs(uses) < jnp.abs(pulse), pulse, 0.0)
+        torques = self.allocation.commands(now.diagnosis.condition, momentum, uses)
+        command = jnp.where(in_use.working, torques, pulse)
         late = self.delay * before.own.command + (law.period - self.delay) * command
         own = now.own._replace(command=command, sign=-now.own.sign)
         return command, now._replace(commanded=late, probe=probe, own=own)
 
     def slowed(self, sample: Sample, memory: TolerantMemory) -> QuaternionFeedback:
         """Return the law with slews whose momentum fits into the wheels in use."""
-        law, wheeled = sample.law, memory.ability
-        free = self.allocation.largest_momentum(wheeled, self._held(sample, wheeled))
+        law, in_use = sample.law, memory.ability
+        free = self.allocation.largest_momentum(in_use, self._held(sample, in_use))
         if free is None:
             return law
         most = free / jnp.sqrt(jnp.sum(law.model.spacecraft.inertia**2))
@@ -249,51 +249,53 @@ class TolerantWheels(AbstractTolerantActuators):
     def _momenta(self, reading: Reading) -> OfEach:
         return momentum_with_rotors(self.filter.wheels, reading)
 
-    def _held(self, sample: Sample, wheeled: Wheeled) -> Vector:
+    def _held(self, sample: Sample, in_use: WheelsInUse) -> Vector:
         """Return the momentum (N m s) of the body and the wheels in use."""
-        working = jnp.where(wheeled.working, self._momenta(sample.reading), 0.0)
+        working = jnp.where(in_use.working, self._momenta(sample.reading), 0.0)
         body = sample.law.model.spacecraft.inertia @ sample.state.omega
         return body + self.filter.wheels.axes @ working
 
-    def _by_two(self, sample: Sample, wheeled: Wheeled, own: WheelLawMemory) -> Vector:
+    def _by_two(self, sample: Sample, in_use: WheelsInUse, own: WheelLawMemory) -> Vector:
         """Return the torque (N m) of two wheels, with the gyroscopic one."""
         state, law = sample.state, sample.law
         inertia = self.fit.inertia(own.fit)
         momentum = inertia @ state.omega + self.stored(sample.reading)
         torque = self.two_wheels.torque(
-            state, wheeled.normal, inertia, law.natural_frequency, law.max_rate, own.held
+            state, in_use.normal, inertia, law.natural_frequency, law.max_rate, own.held
         )
         besides = 0.0 if sample.reading.unwatched is None else sample.reading.unwatched
         return torque + jnp.cross(state.omega, momentum) - besides
 
-    def _turning(self, sample: Sample, wheeled: Wheeled, before: TolerantMemory) -> WheelLawMemory:
+    def _turning(
+        self, sample: Sample, in_use: WheelsInUse, before: TolerantMemory
+    ) -> WheelLawMemory:
         """Update the attitude at which momentum lets two wheels rest.
 
         With the total momentum H in the target's axes, n·Jω = n·(H - A h) of the wheels not in use.
         """
         state, law, momentum = sample.state, sample.law, self._momenta(sample.reading)
         model, axes, own = law.model, self.filter.wheels.axes, before.own
-        normal, inertia = wheeled.normal, model.spacecraft.inertia
+        normal, inertia = in_use.normal, model.spacecraft.inertia
         into_body = state.attitude.as_dcm().matrix
         total = into_body.T @ (inertia @ state.omega + axes @ momentum)
-        changed = jnp.any(wheeled.working != before.ability.working)
+        changed = jnp.any(in_use.working != before.ability.working)
         fit = self.fit.update(own.fit, into_body, state.omega, total, changed)
         unit = model.spacecraft.momentum_unit
         size = unit * jnp.sqrt(jnp.sum((inertia @ normal / unit) ** 2) + SMALLEST)
-        known, error = self.fit.known(fit)
+        momentum_at_rest, error = self.fit.known(fit)
         # what the rate of the target needs
-        excess = (known - inertia @ model.orbit.frame_rate(DCM(jnp.eye(3)))) / size
-        coasting = axes @ jnp.where(wheeled.working, 0.0, momentum) / size
+        excess = (momentum_at_rest - inertia @ model.orbit.frame_rate(DCM(jnp.eye(3)))) / size
+        coasting = axes @ jnp.where(in_use.working, 0.0, momentum) / size
         limit = TURNING * law.natural_frequency
-        held = nearest_held(excess, coasting, normal, 2 * error / size + KNOWN * limit)
+        nearest = nearest_held(excess, coasting, normal, 2 * error / size + KNOWN * limit)
         most = MOST_MOMENTUM * jnp.minimum(law.max_rate, 0.2 * law.natural_frequency)
         inertial = model.orbit.rate == 0
-        fits = held.exists & (jnp.sum(excess**2) < most**2) & inertial
+        fits = nearest.exists & (jnp.sum(excess**2) < most**2) & inertial
         limit = limit * jnp.where(own.can & ~changed, 1.0, SLOWLY)
         limit = limit * (1.0 if sample.reading.unwatched is None else RELIEVED)
         rests = jnp.abs(normal @ (excess - coasting)) < limit
-        attitude = jnp.where(fits, held.attitude.q, jnp.eye(4)[0])
-        near = ~fits | (held.angle < NEAR)
+        attitude = jnp.where(fits, nearest.attitude.q, jnp.eye(4)[0])
+        near = ~fits | (nearest.angle < NEAR)
         return own._replace(fit=fit, held=Quaternion(attitude), near=near, can=rests | fits)
 
     def damping(self, sample: Sample, memory: TolerantMemory) -> OfEach:
@@ -306,7 +308,7 @@ class TolerantWheels(AbstractTolerantActuators):
 
     def alone(self, memory: TolerantMemory) -> BoolScalar:
         """Whether two wheels settle: there is an attitude at which they leave no rate."""
-        return (memory.ability.left == Rank.PLANE) & memory.own.can
+        return (memory.ability.rank == Rank.PLANE) & memory.own.can
 
     def mode_alone(self, memory: TolerantMemory) -> IntScalar:
         """Return the mode of two wheels: at the target, or at the attitude nearest to it."""

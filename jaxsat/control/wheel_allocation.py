@@ -36,16 +36,16 @@ PARALLEL = 1e-3
 as zero: magnetorquers then cannot unload them."""
 
 
-class Wheeled(NamedTuple):
+class WheelsInUse(NamedTuple):
     """Capability of wheels in a condition.
 
-    `usable` (N m) is the torque of each beyond its friction, zero for an excluded one. `left` is
+    `usable` (N m) is the torque of each beyond its friction, zero for an excluded one. `rank` is
     their joint capability, `normal` the unit vector of the least torque, and `shares` (m, 3) the
     allocation of a torque on the body.
     """
 
     usable: OfEach
-    left: Annotated[IntScalar, Rank]
+    rank: Annotated[IntScalar, Rank]
     normal: Vector
     shares: Float[Array, "m 3"]
 
@@ -73,8 +73,8 @@ class WheelAllocation(eqx.Module):
         return self.filter.wheels
 
     def find(
-        self, condition: ActuatorCondition, momentum: OfEach, before: "Wheeled | None" = None
-    ) -> Wheeled:
+        self, condition: ActuatorCondition, momentum: OfEach, before: "WheelsInUse | None" = None
+    ) -> WheelsInUse:
         """The capability at momenta (N m s); `before` is that at the last sample.
 
         A wheel is excluded if it has failed, or its usable torque is below `WEAK` of its full
@@ -94,59 +94,61 @@ class WheelAllocation(eqx.Module):
         best = jnp.argmax(jnp.diagonal(around))
         normal = around[best] / jnp.sqrt(jnp.sum(around[best] ** 2) + SMALLEST)
         volume = jnp.sum(gram[0] * around[0])
-        had = -1 if before is None else before.left
+        had = -1 if before is None else before.rank
         three = SPARE * jnp.where(had == Rank.THREE_AXES, 0.5, 1.0)
         plane = SPARE * jnp.where((had == Rank.THREE_AXES) | (had == Rank.PLANE), 0.5, 1.0)
-        left = jnp.where(
+        rank = jnp.where(
             volume > three * minors,
             int(Rank.THREE_AXES),
             jnp.where(minors > plane * trace, int(Rank.PLANE), int(Rank.LESS)),
         )
-        inverse = _inverse(gram, trace, left, normal)
-        return Wheeled(usable, left, normal, (weight[None] * axes).T @ inverse)
+        inverse = _inverse(gram, trace, rank, normal)
+        return WheelsInUse(usable, rank, normal, (weight[None] * axes).T @ inverse)
 
-    def holding(self, wheeled: Wheeled) -> Float[Array, "m 3"]:
+    def holding(self, wheels: WheelsInUse) -> Float[Array, "m 3"]:
         """Return the share of each wheel (m, 3) in a momentum that the used wheels hold."""
         limit, axes = self.wheels.momentum_limit, self.wheels.axes
         if limit is None or not self.uneven:
-            return wheeled.shares
-        weight = jnp.where(wheeled.working, (limit / jnp.max(limit)) ** 2, 0.0)
+            return wheels.shares
+        weight = jnp.where(wheels.working, (limit / jnp.max(limit)) ** 2, 0.0)
         columns = weight[None] * axes
         gram = columns @ axes.T
-        return columns.T @ _inverse(gram, jnp.trace(gram), wheeled.left, wheeled.normal)
+        return columns.T @ _inverse(gram, jnp.trace(gram), wheels.rank, wheels.normal)
 
-    def shared(self, wheeled: Wheeled, torque: Vector) -> OfEach:
+    def shared(self, wheels: WheelsInUse, torque: Vector) -> OfEach:
         """Torque of each wheel on the body (N m) for a `torque` (N m), or its part in a plane."""
-        within_plane = self.wheels.axes @ (wheeled.shares @ torque)
-        return allocate_evenly(self.wheels.axes, wheeled.usable, within_plane).use
+        within_plane = self.wheels.axes @ (wheels.shares @ torque)
+        return allocate_evenly(self.wheels.axes, wheels.usable, within_plane).use
 
     def balanced(
-        self, wheeled: Wheeled, nearest: OfEach, momentum: OfEach, unloading: RealScalar
+        self, wheels: WheelsInUse, nearest: OfEach, momentum: OfEach, unloading: RealScalar
     ) -> OfEach:
         """Torques (N m): the `nearest` to those of a command, plus the balance of the momenta.
 
         `unloading` (1/s) is the rate at which momentum without effect on the body is removed, as
         far as the command leaves room.
         """
-        in_use = jnp.where(wheeled.working, momentum, 0.0)
-        idle = in_use - self.holding(wheeled) @ (self.wheels.axes @ in_use)
-        idle = jnp.where(wheeled.left == Rank.THREE_AXES, unloading * idle, 0.0)
-        return nearest + idle * within(wheeled.usable, nearest, idle)
+        in_use = jnp.where(wheels.working, momentum, 0.0)
+        idle = in_use - self.holding(wheels) @ (self.wheels.axes @ in_use)
+        idle = jnp.where(wheels.rank == Rank.THREE_AXES, unloading * idle, 0.0)
+        return nearest + idle * within(wheels.usable, nearest, idle)
 
-    def unloadable(self, wheeled: Wheeled, momentum: OfEach, bias: Vector, field: Vector) -> Vector:
+    def unloadable(
+        self, wheels: WheelsInUse, momentum: OfEach, bias: Vector, field: Vector
+    ) -> Vector:
         """Momentum (N m s) of the used wheels beyond a `bias`, as far as they can produce all
         torques that oppose its removal across the Earth's `field` (T).
 
         For two wheels that is the component along the one direction in their plane across the
         field, for one wheel zero.
         """
-        excess = self.wheels.axes @ jnp.where(wheeled.working, momentum, 0.0) - bias
-        direction = jnp.cross(wheeled.normal, field)
+        excess = self.wheels.axes @ jnp.where(wheels.working, momentum, 0.0) - bias
+        direction = jnp.cross(wheels.normal, field)
         squares = jnp.sum(direction**2)
         parallel = squares <= PARALLEL**2 * jnp.sum(field**2)
         along = direction @ excess / jnp.where(parallel, jnp.inf, squares)
-        plane = jnp.where(wheeled.left == Rank.PLANE, along * direction, 0.0)
-        return jnp.where(wheeled.left == Rank.THREE_AXES, excess, plane)
+        plane = jnp.where(wheels.rank == Rank.PLANE, along * direction, 0.0)
+        return jnp.where(wheels.rank == Rank.THREE_AXES, excess, plane)
 
     def commands(self, condition: ActuatorCondition, momentum: OfEach, torque: OfEach) -> OfEach:
         """Motor torques (N m), within the limits, that produce `torque` (N m) on the body.
@@ -159,7 +161,7 @@ class WheelAllocation(eqx.Module):
         command = command / jnp.where(part > 0, part, 1.0)
         return jnp.clip(command, -full, full)
 
-    def largest_momentum(self, wheeled: Wheeled, stored: Vector) -> RealScalar | None:
+    def largest_momentum(self, wheels: WheelsInUse, stored: Vector) -> RealScalar | None:
         """Largest momentum (N m s) of the body in a slew about any axis; None without a limit.
 
         `stored` (N m s) is the momentum of the used wheels when the body is at rest.
@@ -167,24 +169,24 @@ class WheelAllocation(eqx.Module):
         limit = self.wheels.momentum_limit
         if limit is None:
             return None
-        sizes = root(jnp.sum(self.holding(wheeled) ** 2, axis=1))
+        sizes = root(jnp.sum(self.holding(wheels) ** 2, axis=1))
         most_each = jnp.where(sizes > 0, limit / jnp.where(sizes > 0, sizes, 1.0), jnp.inf)
         most = jnp.min(most_each)
         free = MOST_MOMENTUM * most - length(stored)
         if self.uneven:
-            room = MOST_MOMENTUM * limit - jnp.abs(self.holding(wheeled) @ stored)
+            room = MOST_MOMENTUM * limit - jnp.abs(self.holding(wheels) @ stored)
             free = jnp.min(jnp.where(sizes > 0, room / jnp.where(sizes > 0, sizes, 1.0), jnp.inf))
         return jnp.maximum(free, LEAST_MOMENTUM * most)
 
 
-def _inverse(gram: Matrix, trace: RealScalar, left: IntScalar, normal: Vector) -> Matrix:
+def _inverse(gram: Matrix, trace: RealScalar, rank: IntScalar, normal: Vector) -> Matrix:
     """Return the inverse of a weighted `gram` of axes, with its `trace`, for shares of wheels.
 
     No torque is demanded along a plane's normal; a term there makes gram invertible. With wheels
     along one axis, gram is trace times the projector onto it.
     """
-    filled = gram + jnp.where(left == Rank.PLANE, trace, 0.0) * jnp.outer(normal, normal)
-    filled = jnp.where(left == Rank.LESS, (trace + SMALLEST) * jnp.eye(3), filled)
+    filled = gram + jnp.where(rank == Rank.PLANE, trace, 0.0) * jnp.outer(normal, normal)
+    filled = jnp.where(rank == Rank.LESS, (trace + SMALLEST) * jnp.eye(3), filled)
     cofactors = adjugate(filled)
     return cofactors / (jnp.sum(filled[0] * cofactors[0]) + SMALLEST)
 

@@ -245,7 +245,7 @@ def test_damping_takes_energy_out_whatever_is_left():
         )
         struck = memory._replace(
             diagnosis=memory.diagnosis._replace(condition=condition),
-            ability=memory.ability._replace(left=jnp.array(int(Rank.LESS)), limit=jnp.array(limit)),
+            ability=memory.ability._replace(rank=jnp.array(int(Rank.LESS)), limit=jnp.array(limit)),
         )
         duty, _ = at_rest(struck)
         np.testing.assert_allclose(torque @ (limit * duty), -flow * torque[:, 0], atol=1e-9)

@@ -149,10 +149,10 @@ def one_sided():
     law, still = run.loop.controller, run.loop.plant.complete(run.start)
     still = dataclasses.replace(still, omega=jnp.zeros(3))
     columns = np.asarray(law.actuators[0].filter.thrusters.torque)
-    left = failed_set(columns, ()).left
+    left = failed_set(columns, ()).rank
     assert left == Rank.LESS
     memories = law.init(still).actuators
-    pushes = memories[0]._replace(ability=memories[0].ability._replace(left=jnp.array(left)))
+    pushes = memories[0]._replace(ability=memories[0].ability._replace(rank=jnp.array(left)))
     condition = memories[1].diagnosis.condition
 
     @jax.jit

@@ -43,8 +43,8 @@ def test_what_is_left_is_what_the_controllability_analysis_finds(seed):
             found = failed_set(torque, failed)
             kept = np.delete(torque, failed, axis=1)
             cone = torque_cone(kept, np.zeros(kept.shape[1], bool))
-            assert found.left == KINDS[cone.two_sided]
-            if found.left != Rank.PLANE:
+            assert found.rank == KINDS[cone.two_sided]
+            if found.rank != Rank.PLANE:
                 continue
             normal = np.cross(*found.directions.T)
             assert abs(normal @ cone.normal) == pytest.approx(1)
@@ -148,19 +148,19 @@ def test_a_flow_that_can_be_opposed_stands_for_the_failed_thruster():
     """It leaves nothing where it is small, nor where it is as strong as the one that opposes it."""
     last = np.arange(6) == 5
     for flow, left in ((0.0, 1), (0.03, 1), (0.5, 0), (0.99, 1)):
-        assert found(pairs(), 1.0 - last, flow * last).left == left
+        assert found(pairs(), 1.0 - last, flow * last).rank == left
 
 
 @pytest.mark.slow
 def test_a_weak_thruster_is_used_only_where_it_is_needed():
     last = np.arange(6) == 5
     ability = found(pairs(), 1 - 0.6 * last, 0.0)
-    assert ability.left == Rank.THREE_AXES
+    assert ability.rank == Rank.THREE_AXES
     np.testing.assert_allclose(ability.limit, 1 - 0.6 * last)
     np.testing.assert_array_equal(
         found(canted()[0], 1 - 0.6 * (np.arange(8) == 2), 0.0).limit[2], 0
     )
-    assert found(pairs(), 1 - 0.97 * last, 0.0).left == Rank.PLANE
+    assert found(pairs(), 1 - 0.97 * last, 0.0).rank == Rank.PLANE
 
 
 @pytest.mark.slow
@@ -171,7 +171,7 @@ def test_a_weak_thruster_helps_to_oppose_a_stuck_one_where_others_do_not():
     find, whole = eqx.filter_jit(made.find), made.whole
     for stuck, weak in itertools.permutations(range(8), 2):
         failed = np.isin(np.arange(8), (stuck, weak))
-        if failed_set(torque, tuple(np.flatnonzero(failed).tolist())).left != Rank.THREE_AXES:
+        if failed_set(torque, tuple(np.flatnonzero(failed).tolist())).rank != Rank.THREE_AXES:
             continue
         part = np.where(failed, 0.4 * (np.arange(8) == weak), 1.0)
         most = linprog(
@@ -190,7 +190,7 @@ def test_a_weak_thruster_helps_to_oppose_a_stuck_one_where_others_do_not():
             limit = np.where(np.arange(8) == weak, before, whole.limit)
             ability = find(condition, whole._replace(limit=jnp.asarray(limit)))
             helps = spare * flow > most
-            assert ability.left == Rank.THREE_AXES
+            assert ability.rank == Rank.THREE_AXES
             np.testing.assert_array_equal(ability.limit, np.where(failed & ~helps, 0.0, part))
             helped += helps
     assert helped > 10
@@ -205,7 +205,7 @@ def test_a_thruster_is_needed_where_less_than_three_axes_is_left_without_it(torq
         found = np.asarray(made.needed(jnp.asarray(failed)))
         for one in np.flatnonzero(~failed):
             tabled = len(gone) < 2
-            left = failed_set(torque, tuple(sorted((*gone, int(one))))).left
+            left = failed_set(torque, tuple(sorted((*gone, int(one))))).rank
             assert found[one] == (not tabled or left != Rank.THREE_AXES)
         assert not found[failed].any()
 
@@ -214,13 +214,13 @@ def test_a_thruster_is_needed_where_less_than_three_axes_is_left_without_it(torq
 def test_what_is_left_does_not_go_to_and_fro_about_a_limit():
     """It takes half of what it took to count as three axes until it does not any more."""
     last = np.arange(6) == 5
-    assert found(pairs(), 1 - 0.92 * last, 0.0).left == Rank.PLANE
+    assert found(pairs(), 1 - 0.92 * last, 0.0).rank == Rank.PLANE
     before = found(pairs(), 1 - 0.6 * last, 0.0)
     changes = 0
     rng = np.random.default_rng(3)
     for noise in rng.uniform(-0.02, 0.02, 60):
         after = found(pairs(), 1.0 - last, (0.1 + noise) * last, before)
-        changes += int(after.left != before.left)
+        changes += int(after.rank != before.rank)
         before = after
     assert changes <= 1
 
@@ -232,14 +232,14 @@ def test_more_failures_than_tables_are_judged_by_what_can_be_made():
     for failed in itertools.combinations(range(8), 3):
         kept = np.delete(eight, failed, axis=1)
         most = KINDS[torque_cone(kept, np.zeros(5, bool)).two_sided]
-        left = found(eight, 1.0 * ~np.isin(np.arange(8), failed), 0.0).left
+        left = found(eight, 1.0 * ~np.isin(np.arange(8), failed), 0.0).rank
         assert left in (most, Rank.LESS)
         three += left == Rank.THREE_AXES
     assert three > 10
     rng = np.random.default_rng(8)
     twelve = rng.normal(size=(3, 12))
-    assert found(twelve, np.arange(12) % 4 > 0, 0.0).left == Rank.THREE_AXES
-    assert found(twelve, np.arange(12) > 8, 0.0).left == Rank.LESS
+    assert found(twelve, np.arange(12) % 4 > 0, 0.0).rank == Rank.THREE_AXES
+    assert found(twelve, np.arange(12) > 8, 0.0).rank == Rank.LESS
 
 
 def test_a_program_for_many_thrusters_is_as_long_as_one_for_few():

@@ -47,7 +47,7 @@ def test_shares_are_the_weighted_least_squares(seed):
     part = rng.uniform(0.3, 1.0, 5)
     made = allocation(axes)
     found = find(made, condition(5, (2,), part), jnp.zeros(5))
-    assert int(found.left) == Rank.THREE_AXES
+    assert int(found.rank) == Rank.THREE_AXES
     kept = np.arange(5) != 2
     root = np.sqrt(np.where(np.arange(5) == 2, 0.0, part))
     unit = np.asarray(made.wheels.axes)
@@ -69,7 +69,7 @@ def test_shares_are_the_weighted_least_squares(seed):
 )
 def test_what_is_left_is_what_singular_values_say(failed, left):
     found = find(allocation(), condition(4, failed), jnp.zeros(4))
-    assert int(found.left) == left
+    assert int(found.rank) == left
     kept = np.delete(PYRAMID, failed, axis=1)
     assert np.linalg.matrix_rank(kept) == (3, 2, len(kept.T))[left]
     assert np.all(np.isfinite(found.shares))

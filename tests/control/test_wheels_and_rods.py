@@ -29,7 +29,7 @@ from jaxsat.control.tolerant_rods import (
     TolerantRods,
     about,
 )
-from jaxsat.control.wheel_allocation import Wheeled
+from jaxsat.control.wheel_allocation import WheelsInUse
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.trees import Symmetric
 from jaxsat.scenario import Scenario
@@ -83,10 +83,10 @@ def test_rods_that_are_left_have_the_mean_torque_of_their_projection(cubesat):
         for turn in np.arange(8) * 2 * np.pi / 8:
             across = onto @ oracle.cross(oracle.field(0.0, (*orbit, along, turn)))
             total += 0.2**2 * across.T @ across / 64
-    left = law.rods.left(np.array([True, True, False]))
+    left = law.rods.only(np.array([True, True, False]))
     np.testing.assert_allclose(left.power, total, atol=1e-9 * total.max())
-    np.testing.assert_allclose(law.rods.left(np.ones(3, bool)).power, law.rods.power, rtol=1e-9)
-    assert np.all(np.asarray(law.rods.left(np.array([False, True, False])).power) == 0)
+    np.testing.assert_allclose(law.rods.only(np.ones(3, bool)).power, law.rods.power, rtol=1e-9)
+    assert np.all(np.asarray(law.rods.only(np.array([False, True, False])).power) == 0)
     two = np.eye(3)[:, :2]
     assert law.holds_by_rods(two, np.array([True, True, False]))
     assert not law.holds_by_rods(two, np.array([True, False, False]))
@@ -195,7 +195,7 @@ def test_two_magnetorquers_oppose_a_dipole_along_the_third_axis(cubesat):
     state = PlantState(attitude, jnp.array([0.0, -rate, 0.0]), (momenta, None))
     body, memory = 0.005 * np.eye(3)[lost], magnetic.init(state)
     own = memory.own._replace(mode=jnp.array(int(MagneticMode.POINTING)), dipole=jnp.array(body))
-    none = Wheeled(jnp.zeros(3), jnp.array(int(Rank.LESS)), jnp.zeros(3), jnp.zeros((3, 3)))
+    none = WheelsInUse(jnp.zeros(3), jnp.array(int(Rank.LESS)), jnp.zeros(3), jnp.zeros((3, 3)))
 
     @eqx.filter_jit
     def act(limit, state, usable, number, flows):
@@ -250,7 +250,7 @@ def test_a_dipole_that_the_diagnosis_knows_replaces_that_of_the_law(cubesat):
     magnetic, rate = cubesat.magnetic, float(cubesat.healthy.model.orbit.rate)
     momenta = WheelMomenta(jnp.zeros(3))
     state = PlantState(Quaternion(jnp.eye(4)[0]), jnp.array([0.0, -rate, 0.0]), (momenta, None))
-    none = Wheeled(jnp.zeros(3), jnp.array(int(Rank.LESS)), jnp.zeros(3), jnp.zeros((3, 3)))
+    none = WheelsInUse(jnp.zeros(3), jnp.array(int(Rank.LESS)), jnp.zeros(3), jnp.zeros((3, 3)))
     own = magnetic.init(state).own._replace(mode=jnp.array(int(MagneticMode.POINTING)))
 
     @eqx.filter_jit
@@ -532,7 +532,7 @@ def test_one_wheel_or_none_flies_as_under_the_law_magnetic(failed):
     law = build(load("wheel-and-rods", [*changes, table])).loop.controller
     steering, axis = own.distribution.steering[0], np.array([0.0, -1.0, 0.0])
     usable = jnp.array([0.0 if failed == "true" else 5e-3])
-    wheeled = Wheeled(usable, jnp.array(int(Rank.LESS)), jnp.zeros(3), jnp.zeros((1, 3)))
+    wheeled = WheelsInUse(usable, jnp.array(int(Rank.LESS)), jnp.zeros(3), jnp.zeros((1, 3)))
 
     memory = own_memory = None
     for number, (quaternion, omega) in enumerate(STATES):

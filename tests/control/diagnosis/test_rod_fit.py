@@ -320,7 +320,7 @@ def test_what_is_left_makes_the_dipoles_of_the_others(law):
         expected = np.zeros((3, 3))
         expected[part != 0] = np.linalg.pinv(axes[:, part != 0])
         np.testing.assert_allclose(left.steering.shares, expected, atol=1e-12)
-        np.testing.assert_allclose(left.power, rods.left(part != 0).power, rtol=1e-9)
+        np.testing.assert_allclose(left.power, rods.only(part != 0).power, rtol=1e-9)
         wanted = left.steering.reach(jnp.array([1e-5, 2e-5, 3e-5])).high
         np.testing.assert_allclose(wanted, LIMIT * np.abs(part), rtol=1e-12)
         commands, torque, after = left.act(jnp.array([1e-5, 2e-5, 3e-5]), wanted, law.period, now)
