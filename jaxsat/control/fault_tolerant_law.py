@@ -1,12 +1,10 @@
-"""Builders of the settling laws and of the fault-tolerant law from tables of a scenario."""
+"""Builder of the fault-tolerant law from its table of a scenario, with a model of each actuator."""
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Mapping
-from operator import attrgetter
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple, TypeVar, cast
 
-import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Float
@@ -22,13 +20,11 @@ from jaxsat.control.diagnosis.diagnosis import Diagnosis
 from jaxsat.control.diagnosis.rod_fit import INTERVAL, RodFit, across
 from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter, samples_of_torque
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
-from jaxsat.control.drift_holds import balancing, coasting
+from jaxsat.control.drift_holds import coasting
 from jaxsat.control.fault_tolerant import PARALLEL, FaultTolerant
-from jaxsat.control.fine import OscillatorySettling
 from jaxsat.control.leaks import Leaks
 from jaxsat.control.momentum_fit import MomentumFit
-from jaxsat.control.normal_form import NormalForm
-from jaxsat.control.presets import oscillatory_settling, ripple_filter, three_slew_settling
+from jaxsat.control.presets import three_slew_settling
 from jaxsat.control.pulse_rounding import PulseRounding
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.control.reconfiguration import (
@@ -39,7 +35,7 @@ from jaxsat.control.reconfiguration import (
     failed_sets,
     limit_about,
 )
-from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.control.settling_laws import settling_law
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.control.third_axis_band import ThirdAxisBand
 from jaxsat.control.tolerant_actuators import AbstractTolerantActuators
@@ -48,89 +44,11 @@ from jaxsat.control.tolerant_rods import MOST_RODS, TolerantRods
 from jaxsat.control.tolerant_thrusters import SettlingLaws, TolerantThrusters
 from jaxsat.control.tolerant_wheels import TolerantWheels
 from jaxsat.control.two_wheels import TwoWheels
-from jaxsat.core.allocation import torque_directions, unit_columns, usable_share
+from jaxsat.core.allocation import torque_directions, unit_columns
 from jaxsat.core.checks import as_array, as_float
-from jaxsat.core.declaration.law import LawDeclaration
-from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE, OSCILLATORY, PLANNED, THREE_SLEW
 from jaxsat.core.inertia import normal_axes
 from jaxsat.spacecraft.environment.disturbances import GravityGradient
 from jaxsat.spacecraft.wheels import Wheels
-
-
-def build_oscillatory(values: Mapping[str, Any], context: LawContext) -> OscillatorySettling:
-    """Build the oscillatory law; raises `UnsuitableModel` where it cannot steer three axes."""
-    return _with_gains(_built(oscillatory_settling, values, context), OSCILLATORY, values)
-
-
-def build_three_slew(values: Mapping[str, Any], context: LawContext) -> ThreeSlewSettling:
-    """Build the law of three slews; raises as `build_oscillatory` does."""
-    law = _with_gains(_built(three_slew_settling, values, context), THREE_SLEW, values)
-    return balancing(law, context.rate_noise)
-
-
-def build_planned(values: Mapping[str, Any], context: LawContext) -> AbstractSampledController:
-    """Build the planning law; raises as `build_oscillatory` does."""
-    from jaxsat.control.planned import planned_settling  # the other laws have no use for plans
-
-    settling = _built(three_slew_settling, values, context)
-    return _with_gains(planned_settling(settling), PLANNED, values)
-
-
-def _ripple_about(normal: Float[np.ndarray, "3"], context: LawContext) -> tuple[float, float]:
-    """Return amplitude (N m) and frequency (rad/s) of the torque with the most ripple about n."""
-    amplitudes = np.abs(normal * np.array(context.disturbance_amplitude)).tolist()
-    frequencies = context.disturbance_frequency
-    sizes = [a / abs(f) if f else 0.0 for a, f in zip(amplitudes, frequencies, strict=True)]
-    most = max(range(3), key=lambda axis: (sizes[axis], abs(normal[axis])))
-    return amplitudes[most], frequencies[most]
-
-
-Made = TypeVar("Made", bound=AbstractSampledController)
-
-
-def _with_gains(law: Made, declaration: LawDeclaration, values: Mapping[str, Any]) -> Made:
-    for key, place in declaration.tunable.items():
-        if values.get(key) is not None:
-            law = eqx.tree_at(attrgetter(place), law, as_float(values[key]))
-    return law
-
-
-def _built(make: Callable[..., Made], values: Mapping[str, Any], context: LawContext) -> Made:
-    model, axes = context.model, context.torque_axes
-    directions = torque_directions(axes)
-    form = NormalForm.of(model, directions)
-    limit = cast(float, context.torque_limit) * usable_share(axes, np.asarray(form.axes)[:2])
-    amplitude, frequency = _ripple_about(np.asarray(form.axes)[2], context)
-    own_amplitude = values["ripple_amplitude_N_m"]
-    own_frequency = values["ripple_frequency_rad_s"]
-    try:
-        ripple = ripple_filter(
-            form,
-            limit,
-            amplitude if own_amplitude is None else own_amplitude,
-            frequency if own_frequency is None else own_frequency,
-            values["period_s"],
-        )
-        return make(
-            model,
-            limit,
-            observe=values["observe_ripple"],
-            estimate=values["estimate_axes"],
-            period=values["period_s"],
-            ripple=ripple,
-            directions=directions,
-            holding_amplitude=values.get(HOLDING_AMPLITUDE),
-            gravity_gradient=context.gravity_gradient,
-        )
-    except ValueError as error:
-        first, second, _ = np.asarray(form.moments)
-        raise UnsuitableModel(
-            "inertia",
-            "can steer the axis without a torque, which it does by different moments of inertia "
-            "about the two others (S1 and S2 of the normal form), "
-            f"got S1 = {first:.6g} and S2 = {second:.6g} kg m²",
-        ) from error
-
 
 LEAST_NOISE = 1e-3
 """Least noise assumed for a noiseless sensor, over the change by the strongest actuator in a
@@ -422,7 +340,7 @@ def _law(
         "ripple_frequency_rad_s": None,
     }
     own = context._replace(torque_axes=axes, torque_limit=limit)
-    law = coasting(_built(three_slew_settling, table, own), steps.pulse, steps.noise)
+    law = coasting(settling_law(three_slew_settling, table, own), steps.pulse, steps.noise)
     least = np.asarray(cast(ThrusterContext, context.thrusters).pulse)
     leaks, law = Leaks.of(law, torque, failed, least)
     return law, torque_directions(axes), leaks
