@@ -241,7 +241,7 @@ def _tolerant_wheels(
         filter=WheelFilter(wheels, as_array(noise)),
         two_wheels=TwoWheels(law.model),
         fit=_momentum_fit(values, law),
-        known=as_array(np.asarray(context.failed)),
+        failed_at_start=as_array(np.asarray(context.failed)),
         delay=law.delay,
         uneven=_uneven(wheels),
     )

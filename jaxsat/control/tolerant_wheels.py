@@ -89,21 +89,22 @@ class TolerantWheels(AbstractTolerantActuators):
     """Reaction wheels, whose command is the torque of each on the body, N m.
 
     Two wheels settle all axes by `two_wheels` where no momentum about the third is left; else rates
-    are damped, which takes energy out in any case. `known` says which had failed before the start.
-    Commands act `delay` (s) late. `uneven`: momentum limits are not in proportion to torque limits.
+    are damped, which takes energy out in any case. `failed_at_start` says which had failed before
+    the start. Commands act `delay` (s) late. `uneven`: momentum limits are not in proportion to
+    torque limits.
     """
 
     filter: WheelFilter
     two_wheels: TwoWheels
     fit: MomentumFit
-    known: Bool[Array, " m"]
+    failed_at_start: Bool[Array, " m"]
     delay: RealScalar = eqx.field(converter=not_negative("delay"))
     uneven: bool = eqx.field(static=True, default=False)
 
     @property
     def failed_before(self) -> Bool[Array, " m"]:
-        """Wheels `known` to have failed before the start."""
-        return self.known
+        """Wheels that had failed before the start, as the law knows."""
+        return self.failed_at_start
 
     @property
     def allocation(self) -> WheelAllocation:
@@ -122,10 +123,11 @@ class TolerantWheels(AbstractTolerantActuators):
         momentum = cast(OfEach, reading.momentum)
         condition = diagnosis.condition
         condition = condition._replace(
-            failed=self.known, part=jnp.where(self.known, 0.0, condition.part)
+            failed=self.failed_at_start, part=jnp.where(self.failed_at_start, 0.0, condition.part)
         )
         diagnosis = diagnosis._replace(
-            condition=condition, returns=jnp.where(self.known, MOST_RETURNS, diagnosis.returns)
+            condition=condition,
+            returns=jnp.where(self.failed_at_start, MOST_RETURNS, diagnosis.returns),
         )
         zero = jnp.zeros_like(momentum)
         ability = self.allocation.find(condition, momentum)
@@ -139,7 +141,7 @@ class TolerantWheels(AbstractTolerantActuators):
 
     def changed(self, memory: TolerantMemory) -> BoolScalar:
         """Whether a wheel has failed, even if it stays in service."""
-        return jnp.any((memory.diagnosis.kind != NONE) | self.known)
+        return jnp.any((memory.diagnosis.kind != NONE) | self.failed_at_start)
 
     def missing(self, memory: TolerantMemory) -> Vector:
         """Return the normal of the two driven axes, or zero."""
