@@ -21,6 +21,7 @@ from jaxsat.core.text import clean
 
 if TYPE_CHECKING:
     from jaxsat.scenario import Scenario
+    from jaxsat.synthesis.controller_design.request import Vehicle
 
 TABLES = ("initial", "control", "simulation")
 """Tables that `controllability` and `design` do not need."""
@@ -116,8 +117,11 @@ def _verdict(file: str, overrides: Sequence[str]) -> list[str]:
     tables = {key.partition(".")[0] for key in given_keys(file, overrides)}
     if says_no_more_than_a_vehicle(tables):
         missing = [one for one in ("orbit", *TABLES) if one not in tables]
-        scenario = load_vehicle(file, overrides).scenario
-        refusal_lines = list(_refused(scenario, VEHICLE_TRIALS))
+        vehicle = load_vehicle(file, overrides)
+        scenario, trials = vehicle.scenario, dict(VEHICLE_TRIALS)
+        if not list(_flown_by_none(scenario)):
+            trials["design"] = lambda scenario: _require_law(vehicle)
+        refusal_lines = list(_refused(scenario, trials))
         commands = "controllability" if refusal_lines else "controllability and design"
         refusal_lines.append(f"not for the others: {', '.join(missing)} must be given")
         what = f"valid for {commands}"
@@ -188,6 +192,13 @@ def _require_vehicle(scenario: "Scenario") -> None:
     require_judged(scenario)
     actuators, working = all_actuators(scenario)
     actuator_layout(scenario.spacecraft.inertia_kg_m2, actuators.only(working))
+
+
+def _require_law(vehicle: "Vehicle") -> None:
+    from jaxsat.synthesis.controller_design.run import require_candidate
+
+    _require_vehicle(vehicle.scenario)
+    require_candidate(vehicle)
 
 
 def _require_flight_code(scenario: "Scenario") -> None:

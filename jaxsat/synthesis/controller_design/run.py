@@ -12,11 +12,16 @@ from jaxsat.core.process import processors
 from jaxsat.report.design_document import DESIGNED, LINES
 from jaxsat.report.printers import markdown_page
 from jaxsat.scenario import Scenario, dump
+from jaxsat.scenario.build.actuator_set import fitting_laws
 from jaxsat.store.provenance import provenance
 from jaxsat.store.resumable import ResumableFolder
 from jaxsat.studies.executors import Serial, Threads
 from jaxsat.studies.work import Work
-from jaxsat.synthesis.controller_design.candidates import required_law_to_design
+from jaxsat.synthesis.controller_design.candidates import (
+    fitting_candidates,
+    required_law_to_design,
+)
+from jaxsat.synthesis.controller_design.completion import completed
 from jaxsat.synthesis.controller_design.explanation import drawn_numbers
 from jaxsat.synthesis.controller_design.request import (
     SCREENING_CASES,
@@ -31,6 +36,7 @@ from jaxsat.synthesis.controller_design.result import ControllerDesign, Step
 from jaxsat.synthesis.controller_design.steps import DesignRun
 from jaxsat.synthesis.controller_design.studies import Studies
 from jaxsat.synthesis.controller_design.tuning import TUNED_CASES
+from jaxsat.synthesis.controller_design.vehicle import Scale, UnsuitableVehicle, vehicle_verdict
 from jaxsat.synthesis.execution import Execution, Listener, folder_of_call
 
 if TYPE_CHECKING:
@@ -39,6 +45,23 @@ if TYPE_CHECKING:
     from jaxsat.report.study_figures import DrawnNumber
 
 PAGE, RECORD = "design.md", "design.json"
+
+
+def require_candidate(vehicle: Vehicle) -> None:
+    """Raise `UnsuitableVehicle` where no law that should apply to a vehicle can be built for it."""
+    scenario, reasons = vehicle.scenario, []
+    verdict = vehicle_verdict(scenario)
+
+    def complete(under_law: Scenario, scale: Scale) -> Scenario:
+        return completed(under_law, verdict, scale, vehicle.timed).scenario
+
+    for name in fitting_laws(scenario, verdict.judgement):
+        fitting = fitting_candidates(scenario, verdict, name, complete)
+        if fitting.candidates:
+            return
+        reasons += fitting.left_out
+    if reasons:
+        raise UnsuitableVehicle(f"no law fits: {'; '.join(dict.fromkeys(reasons))}")
 
 
 def design_comment(design: ControllerDesign, version: str) -> str:

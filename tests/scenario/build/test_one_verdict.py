@@ -121,6 +121,10 @@ def test_rows_that_are_no_unit_vectors_are_refused_with_both_readings(tmp_path):
 def test_check_names_the_commands_that_take_a_vehicle(tmp_path, capsys):
     rows = "thruster_torque_axes = [[1, 0, 0], [0, 1, 0]]\n"
     assert check(str(_file(tmp_path, INERTIA, rows))) == 0
+    unlimited = "not for design: no law fits: three-slew: spacecraft.torque_limit_N_m must be given"
+    assert unlimited in capsys.readouterr().out
+    rows += "torque_limit_N_m = 0.01\n"
+    assert check(str(_file(tmp_path, INERTIA, rows))) == 0
     assert "others: orbit, initial, control, simulation must" in capsys.readouterr().out
     assert check(str(_file(tmp_path, INERTIA, rows, "[orbit]\naltitude_km = 550\n"))) == 0
     printed = capsys.readouterr().out
@@ -332,3 +336,13 @@ def test_laws_that_do_not_take_an_actuator_are_not_said_to_apply(
     assert any(without in line for line in controllability_study(scenario).findings) == bool(words)
     if words != "gimbal":
         assert any(without in line for line in vehicle_verdict(scenario).lines()) == bool(words)
+
+
+def test_check_tells_why_no_law_that_applies_can_be_built(tmp_path, capsys):
+    """An ideal thruster whose torque only a wheel could complete to one about x."""
+    rows = "thruster_torque_axes = [[-0.8, 0.6, 0]]\ntorque_limit_N_m = 0.01\n"
+    wheels = "".join(WHEEL.replace("[1, 0, 0]", axis) for axis in ("[0, 1, 0]", "[0, 0, 1]"))
+    assert check(str(_file(tmp_path, INERTIA, rows, wheels))) == 0
+    printed = capsys.readouterr().out
+    assert "valid for controllability (" in printed
+    assert "not for design: no law fits: quaternion-feedback, slow: wheel must leave" in printed
