@@ -15,7 +15,7 @@ from jaxsat.core.declaration.actuators import STEERED
 from jaxsat.scenario.build.plant import effector_context
 from jaxsat.scenario.build.plugin_trial import made_part, require_events, require_torque
 from jaxsat.scenario.build.sensors import tachometer_noise
-from jaxsat.scenario.build.thrusters import failing, pulsed_thrusters, rate_noise
+from jaxsat.scenario.build.thrusters import pulsed_thrusters, rate_noise, with_failures
 from jaxsat.scenario.derived import ideal_shares, thruster_costs
 from jaxsat.scenario.parts.torque_makers import TorqueMakers, left_by_wheels, wheel_axes
 from jaxsat.scenario.parts.wheels import UnloadingTable
@@ -53,7 +53,7 @@ def build_thrusters(scenario: Scenario) -> AbstractEffector | None:
         return pulsed_thrusters(scenario)
     ideal, table = ideal_thrusters(scenario, torques), scenario.actuators
     if table is None:
-        return failing(scenario, ideal)
+        return with_failures(scenario, ideal)
     part, location = find_part(ACTUATORS, table.kind), ("actuators", "kind")
     actuators = made_part(part, location, table, ActuatorContext(ideal, torques))
     require_torque(part, location, actuators, jnp.zeros(torques or 2))

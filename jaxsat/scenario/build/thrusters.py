@@ -132,7 +132,7 @@ def _modulation(scenario: Scenario) -> AbstractModulation:
     return {"pwm": PulseWidth, "delta-sigma": DeltaSigma, "ideal": IdealThrottle}[kind]()
 
 
-def failing(scenario: Scenario, ideal: Actuators) -> Actuators:
+def with_failures(scenario: Scenario, ideal: Actuators) -> Actuators:
     """Thrusters of `spacecraft.thruster_torque_axes` with the failures of those that work."""
     table = scenario.spacecraft
     if scenario.thruster or not scenario.failure:
