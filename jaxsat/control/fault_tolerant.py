@@ -417,7 +417,7 @@ class FaultTolerant(AbstractSampledController):
         return jnp.where(alarmed, int(TolerantMode.ALARM), mode)
 
     @property
-    def failed_wheels(self) -> Bool[Array, " wheels"] | None:
+    def known(self) -> Bool[Array, " wheels"] | None:
         """Wheels known to have failed before the start; None without wheels."""
         each = [one.failed_before for one in self.actuators]
         return next((one for one in each if one is not None), None)

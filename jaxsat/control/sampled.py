@@ -84,7 +84,7 @@ class AbstractSampledController(eqx.Module):
         return False
 
     @property
-    def failed_wheels(self) -> Bool[Array, " wheels"] | None:
+    def known(self) -> Bool[Array, " wheels"] | None:
         """Mask of wheels known to have failed before the start; here None, for a law without
         diagnosis."""
         return None

@@ -166,7 +166,7 @@ def wheels_hold_turned(loop: AbstractLoop, runaway: Float[np.ndarray, "3 k"], le
     Only a law that monitors wheels sees such a state.
     """
     law = sampled_law(loop)
-    if law is None or law.failed_wheels is None:
+    if law is None or law.known is None:
         return True
     across = np.linalg.norm(np.cross(NORMAL, runaway.T), axis=1).sum()
     return bool(across <= TURNED * least)

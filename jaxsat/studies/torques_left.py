@@ -123,8 +123,8 @@ class _Exchanger(NamedTuple):
         size = np.linalg.norm(reach.columns, axis=1, keepdims=True)
         healthy = reach.healthy & (size[:, 0] > 0)
         law = sampled_law(loop)
-        if law is not None and law.failed_wheels is not None:
-            healthy[:, np.asarray(law.failed_wheels)] = False
+        if law is not None and law.known is not None:
+            healthy[:, np.asarray(law.known)] = False
         runaway = (reach.low == reach.high) & (reach.high != 0)
         columns = reach.columns / np.where(size > 0, size, 1.0)
         return _Exchanger(Storage(*map(np.asarray, storage)), columns, healthy, runaway)
@@ -402,4 +402,4 @@ def _flies_planes(loop: AbstractLoop) -> bool:
     """Whether the law flies by thrusters in a plane. One that diagnoses wheels does not beside
     those that worked at the start: they keep momentum, which no law of two torques models."""
     law = sampled_law(loop)
-    return law is None or law.failed_wheels is None or bool(np.all(law.failed_wheels))
+    return law is None or law.known is None or bool(np.all(law.known))
