@@ -33,6 +33,9 @@ from jaxsat.spacecraft.spacecraft import Spacecraft
 FAULT_TOLERANT = "fault-tolerant"
 """The law that finds failures in flight."""
 
+UNCOUNTED = tuple(one for one in ACTUATORS if not one.judged and one is not GIMBAL)
+"""Actuators that the verdicts on thrusters, wheels, magnetorquers and gyros do not count."""
+
 APART = 1e-3
 """Singular value of unit torques above which their directions are distinct beyond doubt."""
 
@@ -123,8 +126,7 @@ def gyro_cluster(scenario: Scenario) -> GyroCluster | None:
 def why_no_law(scenario: Scenario) -> str | None:
     """Return a sentence where no law of jaxsat applies to the actuators that work at the start;
     None where one does, or where actuators of a package may help."""
-    known = (*(one.name for one in ACTUATORS if one.judged), GIMBAL.name)
-    if any(getattr(scenario, one.name) for one in ACTUATORS if one.name not in known):
+    if any(getattr(scenario, one.name) for one in UNCOUNTED):
         return None
     judgement, gyros = judge_scenario(scenario), gyro_cluster(scenario)
     if gyros is not None and gyros.torques == 3:

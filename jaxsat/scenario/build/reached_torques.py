@@ -13,8 +13,8 @@ from jaxsat.controllability.torque_ranges import torque_reserve
 from jaxsat.core.declaration.actuator import ActuatorDeclaration
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.failures import AbstractFailureKind
-from jaxsat.core.declaration.gimbals import GIMBAL
 from jaxsat.core.text import capitalised, number_text
+from jaxsat.scenario.build.actuator_set import UNCOUNTED
 from jaxsat.scenario.build.plant import effector_context
 from jaxsat.scenario.build.run import build_uncontrolled
 from jaxsat.scenario.schema import Scenario
@@ -70,15 +70,12 @@ class ReachedTorques:
 
 
 def reached_torques(
-    scenario: Scenario, kinds: Sequence[ActuatorDeclaration] | None = None
+    scenario: Scenario, kinds: Sequence[ActuatorDeclaration] = UNCOUNTED
 ) -> ReachedTorques | None:
     """Return the torques at the start with those of `kinds`; None without devices of them.
 
-    By default `kinds` are those that the verdicts on thrusters, wheels, magnetorquers and gyros do
-    not count. Other kinds count as far as they work at the start.
+    Other kinds count as far as they work at the start.
     """
-    if kinds is None:
-        kinds = [one for one in ACTUATORS if not one.judged and one is not GIMBAL]
     kinds = [one for one in kinds if getattr(scenario, one.name)]
     if not kinds:
         return None
