@@ -175,7 +175,7 @@ class MagneticLaw(AbstractSampledController):
         slews = self._slew(state, turn, relative)
         pull = jnp.where(mode == int(MagneticMode.POINTING), points, slews)
         torque = jnp.where(stopped, pull, -self.damping * relative) - residual
-        dipoles = self.steering.unlimited(field, self.steering.wanted_torque(state, torque))
+        dipoles = self.steering.unlimited(field, self.steering.demand(state, torque))
         within = jnp.all(jnp.abs(dipoles + besides) <= self.steering.dipole_limit)
         outside = jnp.cross(self.steering.axes @ dipoles, field) + residual + constant
         outside = outside + self.model.disturbance_torque(t, state)
@@ -207,7 +207,7 @@ class MagneticLaw(AbstractSampledController):
         """Return the torque (N m) far from the orbit frame."""
         torque = -self.stiffness * turn - self.slew_damping * relative
         bias = self.steering.bias[1] * self.model.orbit.frame_rate(state.attitude)  # -ω0 h0
-        return torque - self.steering.wanted @ (self.gain.rate * self._stored(state) + bias)
+        return torque - self.steering.command_part @ (self.gain.rate * self._stored(state) + bias)
 
     def mode(self, memory: MagneticMemory) -> IntScalar:
         """Return the `MagneticMode` at work."""
@@ -240,7 +240,7 @@ def magnetic_motion(
     return linear_motion(
         inertia,
         steering.field,
-        np.asarray(steering.wanted, float),
+        np.asarray(steering.command_part, float),
         momentum,
         dipoles=working @ shares,
         missing=np.eye(3) - axes @ shares,

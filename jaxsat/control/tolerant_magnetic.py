@@ -81,11 +81,11 @@ class TolerantMagnetic(eqx.Module):
         some = next((law for law in laws if law is not None), None)
         if some is None:
             return None
-        damping = dataclasses.replace(some.steering, wanted=np.eye(3), bias=np.zeros(3))
+        damping = dataclasses.replace(some.steering, command_part=np.eye(3), bias=np.zeros(3))
         steerings = [damping if law is None else law.steering for law in laws]
         gains = [_with_wheels((some if law is None else law).gain) for law in laws]
         stacked = (
-            np.stack([one.wanted for one in steerings]),
+            np.stack([one.command_part for one in steerings]),
             np.stack([one.bias for one in steerings]),
             np.stack([basis for _, basis in gains]),
             np.stack([table for table, _ in gains]),
@@ -166,7 +166,7 @@ class TolerantMagnetic(eqx.Module):
         body = own.dipole
         besides = steering.shortened(steering.shares @ body - steering.turned(field, body))
         torque, own = law.beside(sample.t, state, own, besides)
-        demand = steering.wanted_torque(state, torque)
+        demand = steering.demand(state, torque)
         dipoles, rod_torque = steering.within_limits(field, demand, besides)
         torques = none
         if law.wheel_axes is not None:
@@ -187,12 +187,14 @@ class TolerantMagnetic(eqx.Module):
     ) -> MagneticLaw:
         """That of a set, with the wheels that are usable; it damps for ever unless it `points`."""
         laws, gain = self.laws, self.laws.gain
-        wanted, bias, basis = (one[number] for one in _of_each_set(laws)[:3])
+        command_part, bias, basis = (one[number] for one in _of_each_set(laws)[:3])
         axes = laws.wheel_axes
         used = None if axes is None else jnp.where(usable > 0, axes, 0.0)
         return dataclasses.replace(
             laws,
-            steering=dataclasses.replace(laws.steering, wanted=wanted, bias=bias, wheel_axes=used),
+            steering=dataclasses.replace(
+                laws.steering, command_part=command_part, bias=bias, wheel_axes=used
+            ),
             gain=PeriodicGain(gain.gains, basis, gain.rate, (number,)),
             pointing_rate=jnp.where(points, laws.pointing_rate, NO_RATE),
         )
@@ -239,7 +241,7 @@ def _magnetic_law(
     unmade, bias = np.eye(3) - axis @ axis.T, np.asarray(magnetic.steering.bias)
     along = np.abs(unmade @ bias).max() <= PARALLEL * np.abs(bias).max()
     own_bias = bias if along else np.zeros(3)
-    steering = dataclasses.replace(magnetic.steering, wanted=unmade, bias=own_bias)
+    steering = dataclasses.replace(magnetic.steering, command_part=unmade, bias=own_bias)
     own = MagneticContext(steering, magnetic.momentum + own_bias - bias)
     table = {key.name: key.default for key in MAGNETIC_CONTROL.keys}
     table["period_s"] = values["period_s"]
@@ -248,7 +250,7 @@ def _magnetic_law(
 
 def _of_each_set(law: MagneticLaw) -> tuple:
     """What differs between laws of sets of wheels."""
-    return law.steering.wanted, law.steering.bias, law.gain.basis, law.gain.gains
+    return law.steering.command_part, law.steering.bias, law.gain.basis, law.gain.gains
 
 
 def _without_padding(gains: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -147,14 +147,14 @@ class Magnetorquers(AbstractEffector):
 class MagneticSteering(AbstractSteering):
     """Dipoles m = B × τ / |B|², which make the part of a wanted torque τ across the field B.
 
-    τ = `wanted` u - `unloading` (A h - h0): a part of the law's command u (N m), and the unloading
-    at `unloading` (1/s) of the momentum beyond the `bias` h0 (N m s) from wheels along `wheel_axes`
-    A. `shares` (k, 3) maps to dipoles of the magnetorquers along `axes`. Among all dipoles with the
-    same torque these have the least sum of squares over the `dipole_limit` (A m²) of each, within
-    the limits; of a torque out of reach, the greatest part is made. Their torque is subtracted from
-    the command of all other actuators, so that the body receives the law's torque. B is that of the
-    `field` at the law's attitude. Sidi, Spacecraft Dynamics and Control, 1997, sections 7.4 and
-    7.5: the cross-product law.
+    τ = `command_part` u - `unloading` (A h - h0): a part of the law's command u (N m), and the
+    unloading at `unloading` (1/s) of the momentum beyond the `bias` h0 (N m s) from wheels along
+    `wheel_axes` A. `shares` (k, 3) maps to dipoles of the magnetorquers along `axes`. Among all
+    dipoles with the same torque these have the least sum of squares over the `dipole_limit` (A m²)
+    of each, within the limits; of a torque out of reach, the greatest part is made. Their torque is
+    subtracted from the command of all other actuators, so that the body receives the law's torque.
+    B is that of the `field` at the law's attitude. Sidi, Spacecraft Dynamics and Control, 1997,
+    sections 7.4 and 7.5: the cross-product law.
     """
 
     kind: ClassVar[str] = Magnetorquers.kind
@@ -163,7 +163,7 @@ class MagneticSteering(AbstractSteering):
     axes: Float[Array, "3 k"] = eqx.field(converter=as_float)
     shares: Float[Array, "k 3"] = eqx.field(converter=as_float)
     dipole_limit: Float[Array, " k"] = eqx.field(converter=positive("dipole_limit"))
-    wanted: Matrix = eqx.field(converter=as_float)
+    command_part: Matrix = eqx.field(converter=as_float)
     unloading: RealScalar = eqx.field(converter=not_negative("unloading"), default=0.0)
     wheel_axes: Float[Array, "3 wheels"] | None = eqx.field(
         converter=as_optional_float, default=None
@@ -189,7 +189,7 @@ class MagneticSteering(AbstractSteering):
     ) -> tuple[Float[Array, " k"], Vector]:
         """Return the dipole of each magnetorquer (A m²), and the command left to others (N m)."""
         field = self.field.in_body(t, state.attitude)
-        dipoles, torque = self.within_limits(field, self.wanted_torque(state, command))
+        dipoles, torque = self.within_limits(field, self.demand(state, command))
         return dipoles, command - torque
 
     def within_limits(
@@ -217,11 +217,11 @@ class MagneticSteering(AbstractSteering):
         """Return the torque of unlimited dipoles (N m), which has no component along the field."""
         field = self.field.in_body(t, state.attitude)
         across = jnp.cross(self.axes, field[:, None], axis=0)
-        return across @ self.unlimited(field, self.wanted_torque(state, torque))
+        return across @ self.unlimited(field, self.demand(state, torque))
 
-    def wanted_torque(self, state: PlantState, command: Vector) -> Vector:
+    def demand(self, state: PlantState, command: Vector) -> Vector:
         """Return the torque (N m) wanted of the dipoles for a command of the law (N m)."""
-        return self.wanted @ command - self.unloading * self.excess(state)
+        return self.command_part @ command - self.unloading * self.excess(state)
 
     def unlimited(self, field: Vector, torque: Vector) -> Float[Array, " k"]:
         """Return unlimited dipoles (A m²) for a torque in a field (T, body axes)."""

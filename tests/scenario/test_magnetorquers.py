@@ -30,15 +30,15 @@ def steering_of(data) -> MagneticSteering:
 
 def test_what_is_asked_of_magnetorquers_depends_on_the_wheels():
     alone = steering_of(document())
-    np.testing.assert_array_equal(alone.wanted, np.eye(3))
+    np.testing.assert_array_equal(alone.command_part, np.eye(3))
     assert alone.wheel_axes is None
     two = steering_of(document(2))
     assert two.unloading == 2e-3
     np.testing.assert_array_equal(two.bias, np.zeros(3))
     normal = np.linalg.svd(np.asarray(two.wheel_axes))[0][:, 2]
-    np.testing.assert_allclose(two.wanted, np.outer(normal, normal), atol=1e-14)
+    np.testing.assert_allclose(two.command_part, np.outer(normal, normal), atol=1e-14)
     three = steering_of(document(3))
-    np.testing.assert_array_equal(three.wanted, np.zeros((3, 3)))
+    np.testing.assert_array_equal(three.command_part, np.zeros((3, 3)))
 
 
 def test_one_that_has_failed_is_asked_nothing():
