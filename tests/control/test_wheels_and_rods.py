@@ -286,7 +286,7 @@ def _beside_wheels(law, memory, state, part, dipole, variance):
 def test_a_known_dipole_of_the_body_is_opposed_beside_wheels(cubesat, lost, part):
     """By magnetorquers, and by wheels where these cannot: the torque on the body stays the same."""
     known = jnp.arange(3) == (-1 if lost is None else lost)
-    law = eqx.tree_at(lambda one: one.actuators[0].known, cubesat, known)
+    law = eqx.tree_at(lambda one: one.actuators[0].failed_at_start, cubesat, known)
     turned = np.array([0.999, 0.01, -0.02, 0.015])
     attitude = Quaternion(jnp.array(turned / np.linalg.norm(turned)))
     momenta = WheelMomenta(jnp.array([2e-4, -3e-4, 0.0]))
@@ -388,7 +388,9 @@ def test_a_flight_is_that_of_an_independent_program():
     chosen = Scenario.model_validate(data)
     run = build(chosen)
     loop = eqx.tree_at(
-        lambda one: one.controller.actuators[0].known, run.loop, jnp.array([False, False, True])
+        lambda one: one.controller.actuators[0].failed_at_start,
+        run.loop,
+        jnp.array([False, False, True]),
     )
     found = dataclasses.replace(run, loop=loop).simulate()
     assert set(np.asarray(found.signals.mode)) == {TolerantMode.RODS}
