@@ -12,6 +12,7 @@ import equinox as eqx
 import numpy as np
 
 from jaxsat.control.estimators import MOST_TURN
+from jaxsat.control.handover import TurnRoom
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.oscillatory import FlatTop, twice_mean_square
 from jaxsat.control.presets import balanced_drift, moments_of, scaling_of
@@ -35,6 +36,10 @@ AIMED_SHARE = 2 / 3
 TILT_ROOM, NO_PART = 1.6, 1e-9
 """Ratio of the limits on turns across the body's third axis and about it (0.1 against 0.05 rad,
 less a tenth and the oscillation's share of the tilt), and an axis component treated as zero."""
+
+TILTED = 0.085
+"""Largest tilt of the body during a hold, rad: that of settling, 0.1 rad, less the oscillation's.
+"""
 
 PULSE_SHARE, LEAST_QUIET = 0.2, 0.5
 """The amplitude of the end game is reduced by the first share of a pulse's rate, but to no less
@@ -73,8 +78,9 @@ def coasting(law: ThreeSlewSettling, pulse: float, noise: float) -> ThreeSlewSet
 def balancing(law: ThreeSlewSettling, noise: float) -> ThreeSlewSettling:
     """Return the law with an estimate of the drift by errors of the products under gravity
     gradient, which moves the held attitude, and holds that begin against drift that no attitude
-    balances, of flat-topped waves. The held attitude turns about n as far as the tolerances of
-    settling allow. After an attitude has been lost, slews are about the estimated axes.
+    balances, of flat-topped waves. The held attitude turns about n, and the body beside it, as far
+    as the tolerances of settling allow. After an attitude has been lost, slews are about the
+    estimated axes.
 
     The estimate assumes at least the `noise` (rad/s) of the measured rates. A law without gravity
     gradient or ripple filter is unchanged.
@@ -85,13 +91,9 @@ def balancing(law: ThreeSlewSettling, noise: float) -> ThreeSlewSettling:
     steady = ORBIT_STEADY * orbit_rate**2, ORBIT_STEADY_DRIFT * orbit_rate**2.5
     law = _with_steady(law, steady, noise)
     slack = AIM_SLACK * law.fine.oscillator.dead_zone
-    room, handover = _room(law.form), law.fine.handover
+    leave = law.fine.handover.leave_turn
     handover = dataclasses.replace(
-        handover,
-        aim_slack=slack,
-        enter_turn=room * float(handover.enter_turn),
-        leave_turn=room * float(handover.leave_turn),
-        leave_held=handover.leave_turn,
+        law.fine.handover, aim_slack=slack, leave_held=leave, room=TurnRoom(leave, TILTED)
     )
     largest = float(law.torque_limit) / max(moments_of(law.form)[:2])
     flat_top = FlatTop(SWITCH_SHARE * largest, law.period)
@@ -100,7 +102,7 @@ def balancing(law: ThreeSlewSettling, noise: float) -> ThreeSlewSettling:
         law.estimator,
         balances_steady=True,
         balanced=balanced_drift(fine) * twice_mean_square(fine.roundness),
-        most_turn=as_float(room * MOST_TURN),
+        most_turn=as_float(_room(law.form) * MOST_TURN),
     )
     return dataclasses.replace(law, fine=fine, estimator=estimator, turns_slews=True)
 

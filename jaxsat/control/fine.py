@@ -155,16 +155,15 @@ class FineStage(eqx.Module):
         if hold is not None:
             turn = AIMED_TURN if own_aim is None else own_aim
             coast = UnbalancedDrift.of(hold, clock, self.oscillator.frequency, lasting, sure, turn)
-        late = self.handover(
-            memory.late, tilt, slow, excess, deceleration, third.turn[2], coast, clock
-        )
+        handover, held = self.handover.around(self.oscillator.form.axes, third.turn)
+        late = handover(memory.late, tilt, slow, excess, deceleration, held, coast, clock)
         early, quiet = self.early, self.end_game
         if largest is not None:
             early = dataclasses.replace(early, largest_amplitude=largest)
         aim, slow_early, third_early, slow_late, third_late = None, slow, third, slow, third
         if hold is not None and coast is not None:
             hold = hold.after(late, clock, coast)
-            from_wanted = Slow(slow.rate, slow.turn + third.turn[2])
+            from_wanted = Slow(slow.rate, slow.turn + held)
             aim = coast.aim(from_wanted.turn)
             slow_late = choose(coast.drifts, coast.opposed(from_wanted, HOLDING_TURN), slow)
             third_late = third._replace(drift=jnp.where(coast.drifts, 0.0, third.drift))

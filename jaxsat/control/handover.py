@@ -6,6 +6,7 @@ the drift first turns by A the other way, and stays within its limits for about 
 that begins at rest.
 """
 
+import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
@@ -13,7 +14,7 @@ import jax.numpy as jnp
 
 from jaxsat.control.normal_form import Tilt
 from jaxsat.control.oscillatory import Slow
-from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
+from jaxsat.core.array_types import BoolScalar, Matrix, RealScalar, Vector
 from jaxsat.core.checks import as_optional_float, positive
 
 AIMED_TURN = 0.02
@@ -26,8 +27,9 @@ KNOWN_PERIODS = 10
 """Age of the first hold when it is judged, in periods of the oscillation: the drift is then
 known."""
 
-TINY = 1e-30
-"""Added under a root so that its derivative is finite."""
+TINY, LEAST_PART = 1e-30, 1e-3
+"""Added under a root so that its derivative is finite, and the least part of an axis to divide by.
+"""
 
 
 class HoldRecord(NamedTuple):
@@ -147,6 +149,31 @@ class RippleSlack(eqx.Module):
         return _less(slow, self.stay * jnp.clip(1 - clock / self.known, 0.0, 1.0))
 
 
+class TurnRoom(eqx.Module):
+    """Limits on the `tilt` of the body's third axis and on its `turn` about that axis, rad."""
+
+    turn: RealScalar = eqx.field(converter=positive("turn"))
+    tilt: RealScalar = eqx.field(converter=positive("tilt"))
+
+    def about_n(self, axes: Matrix, held: Vector) -> tuple[RealScalar, RealScalar]:
+        """The middle of the turns about n within the limits, and half of their range (rad).
+
+        The rows of `axes` are x, y and n in body axes. A body at a turn about n has the parts of
+        the `held` rotation vector (rad) along x and y, too. To first order, and no less than
+        `AIMED_TURN`.
+        """
+        n, beside = axes[2], held[:2] @ axes[:2]
+        about = jnp.where(n[2] < 0, -1, 1) * jnp.maximum(jnp.abs(n[2]), LEAST_PART)
+        across = jnp.maximum(jnp.sum(n[:2] ** 2), LEAST_PART**2)
+        nearest = -jnp.sum(beside[:2] * n[:2]) / across
+        left = self.tilt**2 - jnp.sum(beside[:2] ** 2)
+        wide = jnp.sqrt(jnp.maximum(nearest**2 + left / across, TINY))
+        middle, half = -beside[2] / about, self.turn / jnp.abs(about)
+        low = jnp.maximum(middle - half, nearest - wide)
+        high = jnp.minimum(middle + half, nearest + wide)
+        return (low + high) / 2, jnp.maximum((high - low) / 2, AIMED_TURN)
+
+
 def _less(slow: Slow, slack: RealScalar) -> Slow:
     size = jnp.maximum(jnp.abs(slow.rate) - slack, 0.0)
     return Slow(jnp.sign(slow.rate) * size, slow.turn)
@@ -168,7 +195,8 @@ class Handover(eqx.Module):
     turns the body faster than the oscillation. `slack` is the dead band of the slow rate,
     None for no band. With an `aimed_turn` (rad), which is A, the large oscillation before a hold
     against a drift steers the slow rate alone while the turn is within A. Steering a turn beside a
-    slow rate that is not zero would take an oscillation that never ends.
+    slow rate that is not zero would take an oscillation that never ends. With a `room` the limits
+    on turns from the target are those that the held attitude leaves (`around`).
     """
 
     enter_rate: RealScalar = eqx.field(converter=positive("enter_rate"))
@@ -181,6 +209,16 @@ class Handover(eqx.Module):
     aim_slack: RealScalar | None = None
     leave_held: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
     aimed_turn: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
+    room: TurnRoom | None = None
+
+    def around(self, axes: Matrix, held: Vector) -> tuple["Handover", RealScalar]:
+        """The hand-over at a `held` attitude, a rotation vector along (x, y, n) from the target
+        (rad), and its turn from the middle of those allowed. The rows of `axes` are x, y and n."""
+        if self.room is None:
+            return self, held[2]
+        middle, half = self.room.about_n(axes, held)
+        enter = self.enter_turn * half / self.leave_turn
+        return dataclasses.replace(self, enter_turn=enter, leave_turn=half), held[2] - middle
 
     def __call__(
         self,

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from jaxsat.control.handover import (
     AIMED_TURN,
@@ -12,6 +13,7 @@ from jaxsat.control.handover import (
     KNOWN_PERIODS,
     Handover,
     HoldRecord,
+    TurnRoom,
     UnbalancedDrift,
 )
 from jaxsat.control.normal_form import tilt_of
@@ -151,3 +153,38 @@ def test_a_hold_far_from_the_wanted_attitude_ends_near_the_held_one(drifts):
     assert stays(-0.044)
     assert stays(-0.046) == drifts
     assert not stays(0.021)
+
+
+@pytest.mark.parametrize("normal", [(0, 0, 1), (0, -0.6, 0.8), (0.8, 0.6, 0), (0.6, 0.1, -0.79)])
+def test_the_turns_that_a_held_attitude_leaves_are_those_within_the_limits(normal):
+    """By SciPy's rotations of a body that turns about n from attitudes that are held."""
+    room = TurnRoom(LIMIT, 1.6 * LIMIT)
+    across = np.linalg.svd(np.array([normal], float))[2][1:]
+    axes = np.vstack([across, np.cross(*across)])
+    assert float(room.about_n(jnp.asarray(axes), jnp.zeros(3))[0]) == pytest.approx(0, abs=1e-12)
+    for held in np.random.default_rng(4).uniform(-0.03, 0.03, (5, 3)):
+        middle, half = room.about_n(jnp.asarray(axes), jnp.asarray(held))
+        turns = float(middle) + float(half) * np.array([-1.1, -0.9, 0, 0.9, 1.1])
+        angles = axes.T @ np.array([[*held[:2], turn] for turn in turns]).T
+        matrices = Rotation.from_rotvec(angles.T).as_matrix()
+        tilt = np.arccos(matrices[:, 2, 2])
+        turn = np.arctan2(
+            matrices[:, 1, 0] - matrices[:, 0, 1], matrices[:, 0, 0] + matrices[:, 1, 1]
+        )
+        within = (tilt < 1.6 * LIMIT) & (abs(turn) < LIMIT)
+        np.testing.assert_array_equal(within, [False, True, True, True, False])
+
+
+def test_a_hold_ends_where_its_held_attitude_leaves_no_more_room():
+    """n is the body's third axis, so that the room is that of the turn about it."""
+    axes = jnp.eye(3)
+    handover = Handover(1e-2, coasts=True, room=TurnRoom(0.045, 0.07))
+    same, turn = handover.around(axes, jnp.array([0.01, 0.02, 0.03]))
+    assert float(turn) == pytest.approx(0.03)
+    assert float(same.leave_turn) == pytest.approx(0.045)
+    leaning = jnp.array([[0.8, 0, -0.6], [0, 1.0, 0], [0.6, 0, 0.8]])
+    less, turn = handover.around(leaning, jnp.array([0.05, 0.0, 0.0]))
+    assert float(less.leave_turn) < 0.045 / 0.8
+    share = float(less.leave_turn) / 0.045
+    assert float(less.enter_turn) == pytest.approx(share * float(handover.enter_turn))
+    assert float(turn) < 0  # the middle is beside the target
