@@ -168,7 +168,7 @@ def _keeps_failure_in_piece(
         jax.tree.leaves(_motion(driven, piece, start, state)),
         strict=True,
     )
-    return jnp.all(jnp.stack([jnp.allclose(x, y, atol=0.0) for x, y in pairs]))
+    return jnp.all(jnp.stack([jnp.allclose(x, y, atol=0.0, equal_nan=True) for x, y in pairs]))
 
 
 def require_steered(
