@@ -16,11 +16,10 @@ from jaxsat.core.inertia import torque_axis_frame
 from jaxsat.core.ranges import SETTLED_W
 from jaxsat.scenario.actuator_cautions import actuator_cautions, torque_beyond_actuators
 from jaxsat.scenario.derived import believed_axes, is_upside_down, torque_limit
-from jaxsat.scenario.domain import believed_normal_form, domain_cautions
+from jaxsat.scenario.domain import believed_normal_form, domain_cautions, held_turn
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.failure_cautions import failure_cautions
 from jaxsat.scenario.flexibility import flexibility_cautions
-from jaxsat.scenario.holding import nearest_held
 from jaxsat.scenario.parts.estimator import estimator_cautions
 from jaxsat.scenario.parts.sensors import sensor_cautions
 from jaxsat.scenario.quantities import inertia_matrix
@@ -132,12 +131,10 @@ def _holding_cautions(scenario: Scenario) -> list[Issue]:
     """Attitudes that cannot be held without a torque about one axis."""
     if not scenario.law.declaration.any_plane:
         return []
-    inertia, frame, _ = believed_normal_form(scenario)
-    normal = frame[2]
     location, law = ("spacecraft", "inertia_kg_m2"), scenario.control.law
     issues = []
-    turn = nearest_held(inertia, normal, scenario.disturbance.gravity_gradient)
-    if scenario.orbit.rate_rad_s != 0 and (turn is None or np.abs(turn).max() > HELD_TURN):
+    turn = held_turn(scenario, believed_normal_form(scenario)[0])
+    if turn is None or np.abs(turn).max() > HELD_TURN:
         nearest = (
             "no attitude can be held"
             if turn is None

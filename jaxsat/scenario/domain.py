@@ -12,8 +12,12 @@ from jaxsat.core.inertia import normal_axes
 from jaxsat.core.ranges import SETTLED_RATE
 from jaxsat.scenario.derived import believed_axes, torque_limit
 from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.holding import nearest_held, rest_drift
 from jaxsat.scenario.parts.wheels import free_inertia
 from jaxsat.scenario.schema import Scenario
+
+OSCILLATION_SHARE = 0.5
+"""Of the drift that sines of the tolerated rate stop: as much as the laws do stop at the target."""
 
 MARGIN = 0.01
 """Relative excess of a number over the verified range up to which it is not reported."""
@@ -87,6 +91,20 @@ def _timed_numbers(
         numbers["rate_noise"] = scenario.sampling.rate_noise_rad_s * unit
         numbers["attitude_noise"] = scenario.sampling.attitude_noise_rad
     return numbers
+
+
+def held_turn(
+    scenario: Scenario, inertia: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "3"] | None:
+    """Smallest rotation vector (rad) from the target to an attitude that a body (kg m²) with two
+    torques can hold, None without one: zeros where an oscillation stops the drift at the target."""
+    rate, gradient = scenario.orbit.rate(), scenario.disturbance.gravity_gradient
+    directions = torque_directions(believed_axes(scenario))
+    tolerances = (0.0, 0.0, scenario.settled.rate_rad_s)
+    rest = rest_drift(inertia, directions, rate, gradient, tolerances)
+    if abs(rest.drift) <= OSCILLATION_SHARE * rest.oscillation:
+        return np.zeros(3)
+    return nearest_held(inertia, np.cross(*directions.T), gradient)
 
 
 def believed_normal_form(scenario: Scenario):

@@ -8,6 +8,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from jaxsat.core.declaration.domain import sweeps_of
+from jaxsat.core.ranges import SETTLED_RATE
 from jaxsat.scenario import ScenarioWarning
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
@@ -63,6 +64,19 @@ def test_an_attitude_that_cannot_be_held_is_told():
     assert "the nearest attitude that can be held" in told(products)
     assert not told(products.replace("39.69", "0.1"))
     assert not told(products, "orbit.rate_rad_s=0")
+    elliptic = ("orbit.perigee_altitude_km=500", "orbit.apogee_altitude_km=900")
+    assert not told(products, *elliptic)  # there the target is inertial
+
+
+def test_an_attitude_that_an_oscillation_holds_is_not_told():
+    """The drift J12 ω0² / J3 at the target is half of c ρ² / 4 at one rate ω0; ρ = 1e-3 rad/s."""
+    products = "spacecraft.inertia_kg_m2=[[449.5,39.69,0],[39.69,264.6,0],[0,0,312.5]]"
+    stopped = np.hypot(449.5 - 264.6, 2 * 39.69) * SETTLED_RATE**2 / 4 / 2
+    rate = np.sqrt(stopped / 39.69)
+    assert "the nearest attitude that can be held" in told(
+        products, f"orbit.rate_rad_s={1.001 * rate}"
+    )
+    assert not told(products, f"orbit.rate_rad_s={0.999 * rate}")
 
 
 def test_what_lies_outside_the_verified_ranges_is_told_with_what_happens_there():

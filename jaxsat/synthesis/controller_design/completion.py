@@ -14,7 +14,7 @@ from jaxsat.scenario.domain import dimensionless_numbers
 from jaxsat.scenario.parts.sensors import SamplingTable
 from jaxsat.scenario.parts.torque_makers import TorqueMakers
 from jaxsat.synthesis.comparison.acceptance import horizon
-from jaxsat.synthesis.controller_design.lost_holds import holds_last
+from jaxsat.synthesis.controller_design.lost_holds import LEAST_COUPLING, holds_last
 from jaxsat.synthesis.controller_design.vehicle import Scale, VehicleVerdict, scale_of_orbit
 
 RATE = 0.83
@@ -33,8 +33,8 @@ SMALL_TURN = 1.0
 """Initial rotation about each axis (rad) for two wheels alone, which have no momentum left."""
 
 
-REFERENCE_COUPLING, LEAST_COUPLING = 0.4, 0.02
-"""Couplings c with the duration of the acceptance set, and with the longest one."""
+REFERENCE_COUPLING = 0.4
+"""Coupling c with the duration of the acceptance set."""
 
 
 class Completion(NamedTuple):

@@ -24,10 +24,13 @@ from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.studies.ensemble import Study
 from jaxsat.studies.torques_left import reach_at_rest
 from jaxsat.synthesis.controller_design.candidates import Candidate
-from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict
+from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict, coupling
 
 BODIES = 1000
 """Number of bodies drawn."""
+
+LEAST_COUPLING = 0.02
+"""Coupling c below which the duration of a case is not made longer."""
 
 FEW = 0.01
 """Fraction of the bodies that may drift beyond a balance without a word."""
@@ -43,11 +46,11 @@ class DrawnBody(NamedTuple):
     directions: Float[np.ndarray, "3 2"]
 
 
-def lost_holds(scenario: Scenario) -> str | None:
-    """Return sentences if over 1 % of `BODIES` drawn bodies drift beyond balance, else None."""
-    if scenario.orbit.rate() == 0 or scenario.dispersion is None:
+def lost_holds(scenario: Scenario, bodies: list[DrawnBody]) -> str | None:
+    """Return sentences if over 1 % of the drawn bodies drift beyond balance, else None."""
+    if scenario.orbit.rate() == 0:
         return None
-    drifts = _drifts(scenario)
+    drifts = drawn_drifts(scenario, bodies)
     count = sum(abs(one.drift) > one.balanced for one in drifts)
     if count <= FEW * len(drifts):
         return None
@@ -63,12 +66,25 @@ def lost_holds(scenario: Scenario) -> str | None:
     )
 
 
+def small_couplings(scenario: Scenario, bodies: list[DrawnBody]) -> str | None:
+    """Return sentences if over 1 % of the drawn bodies have a small c, else None."""
+    count = sum(coupling(*body) < LEAST_COUPLING for body in bodies)
+    if count <= FEW * len(bodies):
+        return None
+    c = dimensionless_numbers(scenario)["coupling"]
+    return (
+        f"With c = {c:.2g}, {count} of {len(bodies)} bodies drawn from [dispersion] have c below "
+        f"{LEAST_COUPLING}. Two rates hardly turn the third axis of such a body, so some of these "
+        "cases settle late or not at all. A better known inertia helps."
+    )
+
+
 def holds_last(scenario: Scenario) -> bool:
     """Whether oscillations of the tolerated rate alone balance the drift of 99 % of `BODIES` drawn
     bodies, so that no balancing attitude is needed."""
     if scenario.orbit.rate() == 0:
         return True
-    drifts = _drifts(scenario)
+    drifts = drawn_drifts(scenario, first_bodies(scenario))
     return sum(abs(one.drift) > one.oscillation for one in drifts) <= FEW * len(drifts)
 
 
@@ -81,11 +97,10 @@ def drawn_drifts(scenario: Scenario, bodies: list[DrawnBody]) -> list[RestDrift]
     return [rest_drift(*body, rate, gradient, tolerances) for body in bodies]
 
 
-def _drifts(scenario: Scenario) -> list[RestDrift]:
-    """Return the drifts of the first `BODIES` bodies of the study of a scenario."""
+def first_bodies(scenario: Scenario) -> list[DrawnBody]:
+    """Return the first `BODIES` bodies of the study of a scenario."""
     study = build_study(scenario, BODIES, engine="diffrax")
-    bodies = drawn_bodies(study, torque_directions(believed_axes(scenario)))
-    return drawn_drifts(scenario, bodies)
+    return drawn_bodies(study, torque_directions(believed_axes(scenario)))
 
 
 def drawn_bodies(study: Study, directions: Float[np.ndarray, "3 2"]) -> list[DrawnBody]:
@@ -125,14 +140,17 @@ def _torques(loop: AbstractLoop) -> Float[Array, "3 m"]:
 def design_cautions(
     vehicle: Scenario, verdict: VehicleVerdict, candidates: tuple[Candidate, ...]
 ) -> tuple[str, ...]:
-    """Return sentences on bodies that no law holds, on numbers of the vehicle outside the verified
-    domain, and on flexible parts that laws may excite."""
-    holds = None
+    """Return sentences on bodies that no law holds or hardly turns, on numbers of the vehicle
+    outside the verified domain, and on flexible parts that laws may excite."""
+    told = ()
     if verdict.judgement.laws == "two torques" and not vehicle.wheel and candidates:
-        holds = lost_holds(candidates[0].scenario)
+        scenario = candidates[0].scenario
+        if scenario.dispersion is not None:
+            bodies = first_bodies(scenario)
+            told = (lost_holds(scenario, bodies), small_couplings(scenario, bodies))
     beyond = (
         f"{'.'.join(map(str, issue.location))} {issue.message}"
         for one in candidates
         for issue in (*domain_cautions(one.scenario), *flexibility_cautions(one.scenario))
     )
-    return (*filter(None, (holds,)), *beyond)
+    return (*filter(None, told), *beyond)

@@ -21,7 +21,7 @@ from jaxsat.scenario.build.balance import turn_to_held, undriven_balance
 from jaxsat.scenario.cautions import HELD_TURN
 from jaxsat.scenario.control import known_law
 from jaxsat.scenario.derived import believed_axes, has_sensors, torque_limit
-from jaxsat.scenario.holding import nearest_held
+from jaxsat.scenario.domain import held_turn
 from jaxsat.scenario.parts.wheels import inertia_of
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.resolution import fastest
@@ -179,12 +179,9 @@ def _held_turn(scenario: Scenario, judgement: Judgement) -> tuple[float, float, 
     zero = (0.0, 0.0, 0.0)
     if (by_wheels := turn_to_held(scenario, judgement)) is not None:
         return tuple(by_wheels.tolist())
-    if judgement.laws != "two torques" or scenario.wheel or scenario.orbit.rate() == 0:
+    if judgement.laws != "two torques" or scenario.wheel:
         return zero
-    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
-    directions = torque_directions(believed_axes(scenario))
-    axes, _ = normal_axes(inertia, directions)
-    turn = nearest_held(inertia, axes[2], scenario.disturbance.gravity_gradient)
+    turn = held_turn(scenario, inertia_matrix(scenario.spacecraft.inertia_kg_m2))
     return None if turn is None else tuple(np.where(np.abs(turn) < ROUNDING, 0.0, turn).tolist())
 
 

@@ -11,9 +11,12 @@ from jaxsat.scenario.build.study import build_study
 from jaxsat.studies.distributions import Uniform
 from jaxsat.synthesis.controller_design.lost_holds import (
     BODIES,
+    DrawnBody,
     drawn_bodies,
+    first_bodies,
     holds_last,
     lost_holds,
+    small_couplings,
 )
 from studies.studies import tumbling
 
@@ -105,12 +108,22 @@ def test_the_counts_are_those_of_a_computation_apart():
     # The mean square of the flattest waves of the law is 8/9, that of sines 1/2.
     lost, hopeless = (int(np.sum(drift > attitude + part * sines)) for part in (16 / 9, 2))
     assert 0 < hopeless < 0.01 * BODIES < lost < BODIES
-    told = lost_holds(scenario)
+    told = lost_holds(scenario, first_bodies(scenario))
     assert f"{lost} of {BODIES} bodies drawn" in told
     assert f"{hopeless} of them by more than any periodic rates" in told
     assert not holds_last(scenario)
     known = scenario.dispersion.model_copy(update={"products_of_inertia": None})
     known = known.model_copy(update={"misalignment_rad": None})
     sure = scenario.model_copy(update={"dispersion": known})
-    assert lost_holds(sure) is None
+    assert lost_holds(sure, first_bodies(sure)) is None
     assert holds_last(sure)
+
+
+def test_bodies_of_a_small_coupling_are_counted():
+    """c = (J1 - J2) / J3 for principal axes; the nominal body of c = 0.1 has none below 0.02."""
+    moments = np.array([[1.0 + c, 1.0, 1.0] for c in (0.019, 0.021, 0.001, 0.1)])
+    bodies = [DrawnBody(np.diag(one), np.eye(3)[:, :2]) for one in moments]
+    scenario = jaxsat.load("oscillatory-dispersed", caution=lambda text: None)
+    told = small_couplings(scenario, bodies)
+    assert "2 of 4 bodies drawn from [dispersion] have c below 0.02" in told
+    assert small_couplings(scenario, bodies[1::2]) is None
