@@ -3,6 +3,7 @@
 import jax
 import numpy as np
 import pytest
+from scipy.stats import beta
 
 import small_coupling
 from jaxsat.scenario.build.run import build
@@ -65,6 +66,21 @@ def test_dispersions_are_those_of_the_acceptance_set_in_its_own_units(members):
         amplitude = np.array(scenario.disturbance.amplitude_N_m)
         np.testing.assert_allclose(amplitude / torque, np.array([0.01, 0.02, 0.001]) / 5)
         assert torque <= member.limit
+
+
+def test_the_summary_counts_spacecraft_of_every_coupling():
+    """Both ends of 3 of 4 are those of Clopper and Pearson, by the beta distribution."""
+    numbers = {"orbit_rate_tau": 0.0, "reached": 1.0}
+    rows = [{"c": c, "settled": part, **numbers} for c, part in ((0.03, 0.9), (0.3, 1), (0.6, 1))]
+    told = small_coupling.summary([*rows, rows[-1]]).splitlines()
+    assert [line.split(",")[1].split(":")[0] for line in told[:3]] == [
+        " c 0.02 to 0.05",
+        " c 0.2 to 0.45",
+        " c 0.45 to inf",
+    ]
+    low, high = beta.ppf([0.025, 0.975], (3, 4), (2, 1))
+    assert told[3] == f"3 of 4 spacecraft ({low:.1%} to {high:.1%}) reach 99% of all cases"
+    assert told[4].startswith("4 of 4 spacecraft")
 
 
 @pytest.mark.slow
