@@ -55,14 +55,14 @@ def test_the_torque_is_made_by_those_left_as_by_a_table_of_their_own():
     torque = canted()[0]
     made = tables(torque)
     rng = np.random.default_rng(4)
-    allocate = eqx.filter_jit(made.allocate)
+    allocate = eqx.filter_jit(made.duties)
     for gone in ((), (2,), (1, 6)):
         failed = np.isin(np.arange(8), gone)
         kept = torque[:, ~failed]
         alone = allocated(kept)
         cost = np.linalg.norm(kept, axis=0)
         for command in rng.normal(size=(20, 3)) * 1e-3:
-            duty = np.asarray(allocate(jnp.where(failed, 0.0, 1.0), command, jnp.zeros(3)))
+            duty = np.asarray(allocate(command, jnp.where(failed, 0.0, 1.0), jnp.zeros(3))[0])
             assert not duty[failed].any()
             np.testing.assert_allclose(torque @ duty, command, atol=1e-15)
             assert cost @ duty[~failed] == pytest.approx(
@@ -86,7 +86,7 @@ def test_what_a_stuck_thruster_makes_is_opposed_before_anything_else():
     """By all others where one alone cannot; what can be opposed at all is SciPy's to say."""
     torque = canted()[0]
     made = tables(torque)
-    allocate = eqx.filter_jit(made.allocate)
+    allocate = eqx.filter_jit(made.duties)
     rng = np.random.default_rng(9)
     at_full_thrust = 0
     for stuck in range(8):
@@ -101,9 +101,8 @@ def test_what_a_stuck_thruster_makes_is_opposed_before_anything_else():
         ).x[-1]
         for share in np.array([0.3, 0.6, 0.9]) * most:
             for command in (np.zeros(3), *rng.normal(size=(3, 3))):
-                duty = np.asarray(
-                    allocate(jnp.asarray(others), command, jnp.asarray(share * steady))
-                )
+                thrusts, _ = allocate(command, jnp.asarray(others), jnp.asarray(share * steady))
+                duty = np.asarray(thrusts)
                 assert not duty[failed].any()
                 assert duty.min() >= 0
                 assert duty.max() <= 1 + 1e-12
