@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 from jaxsat.core.declaration import actuators
-from jaxsat.scenario.build.errors import BuildError
-from jaxsat.scenario.build.load import load
-from jaxsat.scenario.build.plugin_trial import (
+from jaxsat.scenario.build.effector_trial import (
     _keeps_failure_in_piece,
     require_acts,
     require_steered,
 )
+from jaxsat.scenario.build.errors import BuildError
+from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.spacecraft.effector import Effect
 from jaxsat.spacecraft.gimbals import ControlMomentGyros, GimbalFailures

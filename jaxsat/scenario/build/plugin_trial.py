@@ -1,9 +1,8 @@
 """Trial of plug-ins by tracing: whether their results suit the loop."""
 
 import contextlib
-import dataclasses
 import inspect
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from operator import attrgetter
 from typing import Any
 
@@ -14,7 +13,7 @@ import jax.numpy as jnp
 from jaxsat.control.controller import AbstractController, AbstractFeedbackLaw
 from jaxsat.control.navigation.estimator import AbstractEstimator, Estimate, Measurement
 from jaxsat.control.sampled import AbstractSampledController
-from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.laws import Law
 from jaxsat.core.errors import foreign_exceptions
@@ -25,9 +24,7 @@ from jaxsat.scenario.plugins import Part, place_in
 from jaxsat.scenario.quantities import values_of
 from jaxsat.spacecraft.actuators import AbstractActuators
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.spacecraft.effector import AbstractEffector
 from jaxsat.spacecraft.environment.sensed_vectors import AbstractSensedVector
-from jaxsat.spacecraft.steering import AbstractSteering
 
 Controller = AbstractController | AbstractSampledController
 LAW = ("control", "law")
@@ -48,10 +45,10 @@ def require_runs(law: Law, controller: Controller, start: PlantState) -> None:
     if not (isinstance(outcome, tuple) and len(outcome) == 2):
         what = "its next memory" if law.declaration.sampled else "the rate of its memory"
         _refuse(law, LAW, f"gives two things from `{method}`, the torque and {what}", outcome)
-    place = _place_of_method(law.controller, method)
+    place = place_of_method(law.controller, method)
     _require_shape(law, LAW, outcome[0], (law.declaration.torques or 2,), f"commands {{}}{place}")
     for name, (value, shape) in answers.items():
-        place = _place_of_method(law.controller, name)
+        place = place_of_method(law.controller, name)
         _require_shape(law, LAW, value, shape, f"gives {{}} from `{name}`{place}")
     _require_same_memory(law, LAW, memory, outcome[1], method)
 
@@ -68,7 +65,7 @@ def at_code_of(
     part_class: type, location: Location, rule: str = "can be run"
 ) -> contextlib.AbstractContextManager[None]:
     """Convert exceptions in this context to a `BuildError` if another package has the class."""
-    if _is_own(part_class):
+    if is_own(part_class):
         return contextlib.nullcontext()
     return _converted(part_class, location, f'its "{part_class.__name__}" {rule}')
 
@@ -98,6 +95,11 @@ def _converted(
         raise BuildError(Issue(location, message)) from error
 
 
+def is_own(part_class: type) -> bool:
+    """Whether a class is one of jaxsat's."""
+    return part_class.__module__.partition(".")[0] == "jaxsat"
+
+
 def made_part(part: Part, location: Location, table: PartTable, context: Any) -> Any:
     """Build a part by `from_table` from a checked table; raises `BuildError` if this fails."""
     with sound(part, location, part.made, "can be built"):
@@ -114,93 +116,8 @@ def require_torque(
     """Raise `BuildError` if a part, called once, raises or returns no torque of shape (3,)."""
     with sound(part, location, part.made):
         value = eqx.filter_eval_shape(torque, *arguments)
-    place = _place_of_method(part.made, "__call__")
+    place = place_of_method(part.made, "__call__")
     _require_shape(part, location, value, (3,), f"gives {{}}, a torque in N m{place}")
-
-
-def require_acts(effectors: Iterable[AbstractEffector], start: PlantState) -> None:
-    """Raise `BuildError` if a package's effector, called once, raises or returns other shapes.
-
-    So does one whose failures change more than its pieces.
-    """
-    for one, state in zip(effectors, start.of_each, strict=True):
-        if _is_own(type(one)):
-            continue
-        with at_code_of(type(one), (one.kind,)):
-            torque, rate = eqx.filter_eval_shape(_act, one, start, state)
-        if torque.shape != (3,):
-            _refuse_of(one, "effect", "gives a torque of shape (3,)", torque.shape)
-        if _kinds(rate) != _kinds(state):
-            rule = f"gives the rate of its state, {_shapes(state)}"
-            _refuse_of(one, "derivative", rule, _shapes(rate))
-        for kind in () if one.failures is None else one.failures.kinds:
-            with at_code_of(type(one), (one.kind,)):
-                alike = eqx.filter_jit(_keeps_failure_in_piece)(one, start, state, jnp.array(kind))
-            if not alike:
-                rule = "puts all that a failure changes into the piece"
-                _refuse_of(one, "driven", rule, f'another effect of "{kind.text}" without it')
-
-
-def _act(one: AbstractEffector, start: PlantState, state: Any) -> tuple[Any, Any]:
-    """Torque, and rate of the state, at rest without failures and under the command for zero."""
-    struck = jnp.zeros(one.failure_times.shape, bool)
-    driven, command = one.driven(state, one.idle(), struck)
-    return _motion(driven, driven.piece(driven.mode(state), command), start, state)
-
-
-def _motion(one: AbstractEffector, piece: Any, start: PlantState, state: Any) -> tuple[Any, Any]:
-    torque = one.effect(piece, jnp.zeros(()), start, state).torque
-    return torque, one.derivative(piece, start, state, jnp.zeros(3))
-
-
-def _keeps_failure_in_piece(
-    one: AbstractEffector, start: PlantState, state: Any, kind: IntScalar
-) -> BoolScalar:
-    """Whether an effector with all devices half failed moves alike before and after `driven`."""
-    whole = jnp.ones(one.failures.count)
-    broken = dataclasses.replace(one.failures, kind=kind * whole, amount=0.5 * whole)
-    one = eqx.tree_at(lambda x: x.failures, one, broken)
-    state = jax.tree.map(lambda x: x + 0.1, state)
-    driven, command = one.driven(state, one.idle() + 0.1, whole > 0)
-    piece = driven.piece(driven.mode(state), command)
-    pairs = zip(
-        jax.tree.leaves(_motion(one, piece, start, state)),
-        jax.tree.leaves(_motion(driven, piece, start, state)),
-        strict=True,
-    )
-    return jnp.all(jnp.stack([_alike(x, y) for x, y in pairs]))
-
-
-def _alike(x: Any, y: Any) -> BoolScalar:
-    """Whether arrays are equal up to round-off of their largest element."""
-    largest = jnp.max(jnp.nan_to_num(jnp.abs(x)), initial=0.0)
-    return jnp.allclose(x, y, atol=1e-9 * largest, equal_nan=True)
-
-
-def require_steered(
-    steering: Iterable[AbstractSteering], effectors: Sequence[AbstractEffector], start: PlantState
-) -> None:
-    """Raise `BuildError` if a package's steering, called once, raises or returns other shapes."""
-    sizes = {one.kind: one.command_size for one in effectors}
-    for one in steering:
-        if _is_own(type(one)):
-            continue
-        with at_code_of(type(one), (one.kind,)):
-            outcome = eqx.filter_eval_shape(one, jnp.zeros(()), start, jnp.zeros(3))
-        shapes = ((sizes[one.kind],), (3,))
-        actual = tuple(getattr(value, "shape", None) for value in jax.tree.leaves(outcome))
-        if actual != shapes:
-            _refuse_of(one, "__call__", f"gives arrays of shapes {shapes}", actual)
-
-
-def _is_own(part_class: type) -> bool:
-    return part_class.__module__.partition(".")[0] == "jaxsat"
-
-
-def _refuse_of(one: AbstractEffector | AbstractSteering, method: str, rule: str, got: Any) -> None:
-    place = _place_of_method(type(one), method)
-    message = f'must be such that its "{type(one).__name__}" {rule}{place}, got {got}'
-    raise BuildError(Issue((one.kind,), message))
 
 
 def require_vector(part: Part, location: Location, vector: AbstractSensedVector) -> None:
@@ -209,12 +126,12 @@ def require_vector(part: Part, location: Location, vector: AbstractSensedVector)
     with sound(part, location, part.made):
         outcome = eqx.filter_eval_shape(vector, t)
         ideal = eqx.filter_eval_shape(vector.distorted, t, jnp.zeros(3))
-    place = _place_of_method(part.made, "__call__")
+    place = place_of_method(part.made, "__call__")
     if not (isinstance(outcome, tuple) and len(outcome) == 2):
         _refuse(part, location, f"gives a vector and its visibility{place}", outcome)
     _require_shape(part, location, outcome[0], (3,), f"gives {{}}, a vector{place}")
     _require_shape(part, location, outcome[1], (), f"gives {{}}, a visibility{place}")
-    place = _place_of_method(part.made, "distorted")
+    place = place_of_method(part.made, "distorted")
     _require_shape(part, location, ideal, (3,), f"gives {{}} from `distorted`{place}")
 
 
@@ -234,7 +151,7 @@ def require_estimates(
     with sound(part, location, part.made):
         memory = eqx.filter_eval_shape(estimator.init, upright, zero)
         outcome = eqx.filter_eval_shape(estimator.step, jnp.array(0), period, measurement, memory)
-    place = _place_of_method(part.made, "step")
+    place = place_of_method(part.made, "step")
     if not (isinstance(outcome, tuple) and len(outcome) == 2 and isinstance(outcome[0], Estimate)):
         _refuse(part, location, f"gives an `Estimate` and the memory from `step`{place}", outcome)
     estimate, after = outcome
@@ -263,7 +180,7 @@ def require_events(
         piece = actuators.smooth_piece(jnp.ones(count, bool))
     rule = "gives {} from `event_functions`, as `event_count` says"
     _require_shape(
-        part, location, values, (count,), rule + _place_of_method(part.made, "event_functions")
+        part, location, values, (count,), rule + place_of_method(part.made, "event_functions")
     )
     require_torque(part, location, piece, *arguments)
 
@@ -315,9 +232,9 @@ def _require_arrays(part: Law | Part, location: Location, instance: Any) -> None
 def _require_same_memory(
     part: Law | Part, location: Location, first: Any, after: Any, method: str
 ) -> None:
-    if _kinds(first) != _kinds(after):
+    if array_kinds(first) != array_kinds(after):
         message = "keeps a memory of arrays of the same shapes and types, "
-        message += f"got {_shapes(first)} from `init` and {_shapes(after)} from `{method}`"
+        message += f"got {shapes_text(first)} from `init` and {shapes_text(after)} from `{method}`"
         raise BuildError(_issue(part, location, message))
 
 
@@ -346,7 +263,7 @@ def _refuse(part: Law | Part, location: Location, rule: str, value: Any) -> None
     raise BuildError(_issue(part, location, f"{rule}, got {got}"))
 
 
-def _place_of_method(part_class: type, method: str) -> str:
+def place_of_method(part_class: type, method: str) -> str:
     """File and line of a method of a part, " (file:12)", or empty."""
     try:
         function = inspect.unwrap(getattr(part_class, method))
@@ -355,7 +272,8 @@ def _place_of_method(part_class: type, method: str) -> str:
         return ""
 
 
-def _kinds(tree: Any) -> Any:
+def array_kinds(tree: Any) -> Any:
+    """Return shapes and types of the arrays of a tree, and its structure."""
     shapes = [(leaf.shape, leaf.dtype) for leaf in jax.tree.leaves(tree) if _is_array(leaf)]
     return shapes, jax.tree.structure(tree)
 
@@ -364,7 +282,8 @@ def _is_array(leaf: Any) -> bool:
     return isinstance(leaf, jax.Array | jax.ShapeDtypeStruct)
 
 
-def _shapes(tree: Any) -> str:
+def shapes_text(tree: Any) -> str:
+    """Return types and shapes of the leaves of a tree as text."""
     leaves = [
         f"{leaf.dtype} {leaf.shape}" if _is_array(leaf) else f"the number {leaf!r}"
         for leaf in jax.tree.leaves(tree)

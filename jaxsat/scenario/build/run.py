@@ -20,9 +20,10 @@ from jaxsat.core.solvers import NamedSolver
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario.build.actuators import build_distribution, build_thrusters, ideal_thrusters
 from jaxsat.scenario.build.controller import build_controller
+from jaxsat.scenario.build.effector_trial import require_acts, require_steered
 from jaxsat.scenario.build.errors import BuildError, at_key, made_of_numbers
 from jaxsat.scenario.build.plant import build_effectors, build_plant
-from jaxsat.scenario.build.plugin_trial import require_acts, require_runs, require_steered
+from jaxsat.scenario.build.plugin_trial import require_runs
 from jaxsat.scenario.build.sensors import build_navigation, build_sampling, build_tachometers
 from jaxsat.scenario.control import is_plugin
 from jaxsat.scenario.derived import has_invalid_samples, hold_samples_of, uses_error_coordinates
