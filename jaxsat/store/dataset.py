@@ -177,7 +177,9 @@ def open_trajectory(path: str | Path) -> "xr.Dataset":
         with xr.open_dataset(io.BytesIO(data), engine="h5netcdf", decode_times=False) as dataset:
             return dataset.load()
     except Exception as error:  # damage makes h5py and xarray raise anything
-        raise OutputError(f"{file} cannot be read as netCDF 4: {one_line(error)}.") from error
+        reason = one_line(error)
+    # Not inside the clause: an error that is kept keeps a file of h5py, which then crashes at exit.
+    raise OutputError(f"{file} cannot be read as netCDF 4: {reason}.")
 
 
 def _label_variables(

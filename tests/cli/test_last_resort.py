@@ -288,3 +288,17 @@ def test_a_platform_that_jax_does_not_find_is_no_bug(monkeypatch):
     assert failure_of(caught.value) is None
     monkeypatch.setenv("JAX_PLATFORMS", "nonsense")
     assert "JAX_PLATFORMS: must be what JAX finds" in (failure_of(caught.value) or "")
+
+
+def test_a_file_that_is_no_netcdf_is_a_mistake_of_the_user_until_the_process_ends(tmp_path):
+    """An error that kept a file of h5py made the process crash at its exit."""
+    (tmp_path / "run.nc").write_text("no netCDF\n" * 20)
+    done = subprocess.run(
+        [sys.executable, "-m", "jaxsat", "convert", "run.nc", "--to", "csv"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )
+    assert done.returncode == 2
+    assert "run.nc cannot be read as netCDF 4: Unable to" in done.stderr
