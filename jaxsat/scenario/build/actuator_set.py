@@ -20,13 +20,15 @@ from jaxsat.controllability.judging import judge
 from jaxsat.controllability.layout import TOLERANCE
 from jaxsat.controllability.rods import RodSet, judge_with_rods
 from jaxsat.controllability.wording import verdict_sentence
-from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.declaration.actuators import ACTUATORS, STEERED
 from jaxsat.core.declaration.gimbals import GIMBAL
 from jaxsat.scenario.build.plant import build_effectors, field_of
 from jaxsat.scenario.control import known_law
 from jaxsat.scenario.parts.registry import suits
 from jaxsat.scenario.parts.thrusters import ThrusterTable
+from jaxsat.scenario.parts.wheels import lacks_torque
 from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.tables import working_axes
 from jaxsat.spacecraft.gimbals import ControlMomentGyros
 from jaxsat.spacecraft.spacecraft import Spacecraft
 
@@ -141,7 +143,8 @@ def why_no_law(scenario: Scenario) -> str | None:
 def law_words(scenario: Scenario, judgement: Judgement) -> str:
     """Return which laws apply by a judgement of the scenario, as text.
 
-    It is that of `FLYABLE`, unless no such law takes an actuator with a steering of its own.
+    It is that of `FLYABLE`, unless no such law takes an actuator with a steering of its own, or
+    wheels would have to complete the torques of ideal thrusters.
     """
     words, laws = FLYABLE[judgement.laws].words, map(known_law, _laws_left(scenario, judgement))
     declarations = [one.declaration for one in laws if one is not None]
@@ -149,6 +152,14 @@ def law_words(scenario: Scenario, judgement: Judgement) -> str:
         refused = not any(suits(actuator, one) for one in declarations)
         if actuator.steering and getattr(scenario, actuator.name) and refused:
             return f"no law of jaxsat applies beside [[{actuator.name}]]; without it {words}"
+    table = scenario.spacecraft
+    rows = working_axes(table.thruster_torque_axes or (), table.failed_thrusters)
+    alone = rows.size and scenario.wheel and not any(getattr(scenario, name) for name in STEERED)
+    if alone and declarations and all(lacks_torque(scenario.wheel, rows, x) for x in declarations):
+        tables = "with tables [[thruster]] in place of spacecraft.thruster_torque_axes"
+        return (
+            f"no law of jaxsat applies, as wheels do not complete ideal torques; {tables} {words}"
+        )
     return words
 
 

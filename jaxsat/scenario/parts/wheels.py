@@ -4,9 +4,11 @@ from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Gt, Le
+from jaxtyping import Float
 
 from jaxsat.core.allocation import least_squares_map, unmade_map
 from jaxsat.core.declaration.actuators import ACTUATORS, STEERED
+from jaxsat.core.declaration.law import LawDeclaration
 from jaxsat.core.declaration.wheels import WHEEL
 from jaxsat.core.ranges import SECONDS, Range
 from jaxsat.scenario.errors import Issue
@@ -154,9 +156,7 @@ def _wheels_and_thrusters_make_what_the_law_commands(values):
     if not wheels or thrusters or has_steering or torques not in (2, 3):
         return
     working = working_axes(axes or (), values["spacecraft.failed_thrusters"])
-    missing = unmade_map(working, least_squares_map(working, torques))
-    missing = missing @ TorqueMakers(wheels, (), declaration).remainder
-    if abs(missing).max() > MISSING:
+    if lacks_torque(wheels, working, declaration):
         count = sum(not one.failed for one in wheels)
         which = "x and y" if torques == 2 else "x, y and z"
         yield at(
@@ -164,6 +164,19 @@ def _wheels_and_thrusters_make_what_the_law_commands(values):
             f"must leave wheels that make independent torques about body axes {which} with the "
             f"thrusters left, got {count} of {len(wheels)} wheels and {working.shape[1]} thrusters",
         )
+
+
+def lacks_torque(
+    wheels: Tables, ideal: Float[np.ndarray, "3 m"], declaration: LawDeclaration
+) -> bool:
+    """Whether wheels, and then ideal thrusters along unit axes, do not make what a law commands.
+
+    Ideal thrusters make the torque that wheels leave by fixed shares: wheels do not take out what
+    these make beside it.
+    """
+    missing = unmade_map(ideal, least_squares_map(ideal, declaration.torques))
+    missing = missing @ TorqueMakers(wheels, (), declaration).remainder
+    return bool(abs(missing).max() > MISSING)
 
 
 def _diagnosis_issues(law, wheels, beside):

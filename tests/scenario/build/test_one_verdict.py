@@ -338,11 +338,18 @@ def test_laws_that_do_not_take_an_actuator_are_not_said_to_apply(
         assert any(without in line for line in vehicle_verdict(scenario).lines()) == bool(words)
 
 
-def test_check_tells_why_no_law_that_applies_can_be_built(tmp_path, capsys):
+def test_wheels_that_would_have_to_complete_ideal_torques_are_told(tmp_path, capsys):
     """An ideal thruster whose torque only a wheel could complete to one about x."""
     rows = "thruster_torque_axes = [[-0.8, 0.6, 0]]\ntorque_limit_N_m = 0.01\n"
     wheels = "".join(WHEEL.replace("[1, 0, 0]", axis) for axis in ("[0, 1, 0]", "[0, 0, 1]"))
     assert check(str(_file(tmp_path, INERTIA, rows, wheels))) == 0
-    printed = capsys.readouterr().out
-    assert "valid for controllability (" in printed
-    assert "not for design: no law fits: quaternion-feedback, slow: wheel must leave" in printed
+    said = "no law of jaxsat applies, as wheels do not complete ideal torques; with tables"
+    assert said in capsys.readouterr().out
+    scenario = read_vehicle(tmp_path / "vehicle.toml", caution=lambda text: None).scenario
+    assert any(said in line for line in controllability_study(scenario).findings)
+    jets = "".join(
+        f"[[thruster]]\ntorque_axis = {axis}\ntorque_N_m = 0.01\nmin_on_time_s = 0.02\n"
+        for axis in ("[-0.8, 0.6, 0]", "[0.8, -0.6, 0]")
+    )
+    assert check(str(_file(tmp_path, INERTIA, jets, wheels))) == 0
+    assert "no law" not in capsys.readouterr().out
