@@ -274,9 +274,9 @@ def in_turn(diagnosis: DiagnosisMemory, period: RealScalar) -> Bool[Array, " m"]
     sample = jnp.round(diagnosis.age / period).astype(jnp.int32)
     test = sample // TEST_PERIODS
     count = jnp.maximum(jnp.sum(rivals, dtype=jnp.int32), 1)
-    turn = place == test // 2 % count
+    turn = place == (test // 2 - 1) % count
     suspected = ~rivals & diagnosis.rival
     alone = ~jnp.any(rivals)
-    tested = jnp.where((test % 2 == 0) | alone, suspected, rivals & turn)
+    tested = jnp.where((test % 2 == 1) | alone, suspected, rivals & turn)
     now = diagnosis.alarmed & (sample % TEST_PERIODS == 0) & (test > 0)
     return now & tested

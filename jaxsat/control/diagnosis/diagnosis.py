@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.control.diagnosis.isolation import (
+    ALIKE,
     NONE,
     PENALTY,
     Diagnosed,
@@ -95,6 +96,9 @@ WEAK = 0.1
 TOLD_APART = 2 * PENALTY / WEAK**2
 """Information about the loss of an actuator that separates a dead one from a `WEAK` one."""
 
+SUSPICIOUS = 1 / 3
+"""Statistic over the threshold above which nothing is learned that a failure may have caused."""
+
 MOST_RETURNS = 2
 """Recoveries after which an actuator that fails once more is not trusted again."""
 
@@ -111,9 +115,10 @@ class DiagnosisMemory(NamedTuple):
 
     `statistic` (tests, m) has the CUSUMs of loss, of flow for each sign that it may have, and of a
     full loss. `condition` and `kind` (`Diagnosed`) are the verdicts, `returns` counts
-    recoveries. `age` (s) is the time since the last alarm, verdict or dismissal, `suspect` the
-    likeliest actuator, and `rival` marks those that explain the residuals nearly as well. `doubt`
-    (in the residuals' unit) is the standard deviation of the last residual, model errors included.
+    recoveries. `age` (s) is the time since the last alarm, verdict or dismissal. `suspect` is the
+    actuator whose test raised the alarm, once there is evidence the likeliest, and `rival` marks
+    those that explain the residuals nearly as well. `doubt` (in the residuals' unit) is the
+    standard deviation of the last residual, model errors included.
     """
 
     residual: FilterMemory
@@ -152,7 +157,8 @@ class Diagnosis(eqx.Module):
     """Detection and isolation of failed actuators of one kind, and of those that recover.
 
     Measurements and failure hypotheses are those of a filter, the `watch`. Torques are assumed to
-    be wrong by the fraction `uncertainty`. Each thruster has three CUSUM tests: missing thrust,
+    be wrong by the fraction `uncertainty`, and moments of inertia with them; what such errors leave
+    beyond `reference` counts in no test. Each thruster has three CUSUM tests: missing thrust,
     thrust that was not commanded, and thrust missing in full; a wheel lacks the third, and has one
     for each sign of the second. The scores of the first two are standard normal where nothing has
     failed and the model is true, so that `average_run_length` of `reference` and `threshold` (both
@@ -237,7 +243,8 @@ class Diagnosis(eqx.Module):
         whole = best.kind == DiagnosedKind.DEAD
         serves = jnp.isin(best.kind, jnp.array(hypotheses.in_service, int))
         comes_back = hit & condition.failed & (whole | serves)
-        tracked = watch.tracked(residual, condition, period, ~alarmed & ~alarm)
+        calm = jnp.max(largest) < SUSPICIOUS * self.threshold
+        tracked = watch.tracked(residual, condition, period, ~alarmed & ~alarm, calm)
         back = condition.part + best.loss * (1 - condition.part)
         left = jnp.where(fails, condition.part * (1 - best.loss), back)
         flow = jnp.where(comes_back, 0.0, tracked.flow)
@@ -248,6 +255,9 @@ class Diagnosis(eqx.Module):
             tracked.torque + jnp.where(disturbed, watch.torque_of(best.acceleration), 0.0),
             jnp.where(disturbed, 0.0, tracked.samples),
         )
+        rival = best.scores > best.score - self.margin
+        held = rival[memory.suspect] & (best.score < self.margin)
+        suspect = jnp.where(held, memory.suspect, best.actuator)
         named = watch.named(best.kind, best.actuator, filtered).astype(memory.kind.dtype)
         return DiagnosisMemory(
             filtered._replace(started=filtered.started & ~(verdict | disturbed | anew)),
@@ -256,8 +266,8 @@ class Diagnosis(eqx.Module):
             jnp.where(over, int(Stage.QUIET), jnp.where(alarm, int(Stage.ALARM), memory.stage)),
             jnp.where(over | alarm, 0.0, age),
             evidence,
-            best.actuator,
-            best.scores > best.score - self.margin,
+            jnp.where(alarm, jnp.argmax(jnp.max(statistic, axis=0)), suspect),
+            rival,
             judged,
             jnp.where(comes_back & whole, NONE, jnp.where(hit, named, memory.kind)),
             memory.returns + comes_back.astype(memory.returns.dtype),
@@ -278,6 +288,10 @@ class Diagnosis(eqx.Module):
         sigma = jnp.broadcast_to(jnp.sqrt(residual.variance), size.shape)
         is_visible = size > LEAST_SIGNAL * sigma
         along = jnp.sum(signatures * residual.innovation[None], axis=1)
+        left = jnp.sum(signatures[:, None] * residual.errors[None], axis=2)
+        alone, alike = left[:, :-ALIKE], left[:, -ALIKE:]
+        excused = jnp.sqrt(jnp.sum(alone**2, axis=1)) + jnp.sum(jnp.abs(alike), axis=1)
+        along = along - jnp.maximum(excused - self.reference * size * sigma, 0.0)
         score = along / (jnp.where(is_visible, size, 1.0) * sigma)
         gain = score - self.reference
         of_flow = (jnp.arange(1 + len(signs)) > 0)[:, None]

@@ -94,20 +94,27 @@ MOST_INFORMATION = 1e5
 """Information, in that unit, beyond which evidence is no longer added up."""
 
 
+ALIKE = 3
+"""Numbers whose errors may all act alike: moments of inertia, or torques of one wheel."""
+
+
 class Residual(NamedTuple):
     """Innovations, and the signatures in them of what each actuator may lack or add.
 
     A column of `innovation` is reading less expectation, with a `variance` each: one for all
     actuators, or one of each. `loss` is the signature of an actuator whose torque has been missing
     (of a failed one: has been there again), `flow` of one that has made its full torque all the
-    time, `steady` of a constant acceleration of 1 rad/s², None where none acts. `driven`, from -1
-    to 1, says which actuators are driven from rest and which way, None where none rests.
+    time, `steady` of a constant acceleration of 1 rad/s², None where none acts. `errors` are the
+    signatures of each number of the model, wrong by its uncertainty; the last `ALIKE` may all act
+    alike. `driven`, from -1 to 1, says which actuators are driven from rest and which way, None
+    where none rests.
     """
 
     innovation: Float[Array, "n k"]
     variance: Float[Array, " k"]
     loss: Float[Array, "n m"]
     flow: Float[Array, "n m"]
+    errors: Float[Array, "numbers n k"]
     steady: RealScalar | None = None
     driven: Float[Array, " m"] | None = None
 

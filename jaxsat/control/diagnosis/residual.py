@@ -92,6 +92,7 @@ class FilterMemory(NamedTuple):
     variance: Float[Array, " k"]
     loss: Float[Array, "n m"]
     flow: Float[Array, "n m"]
+    errors: Float[Array, "numbers n k"]
     steady: RealScalar | None
     started: BoolScalar
     own: PyTree
@@ -100,15 +101,17 @@ class FilterMemory(NamedTuple):
 class Prediction(NamedTuple):
     """Change of an estimate in a period, and what a failure would have left in it.
 
-    `squares` is the sum of squares of changes by torques. Variances are `doubt`, of the change
-    besides errors of these torques, and `passing`, one in the innovation that does not stay in the
-    estimate. `loss`, `flow` and `steady` are added to the signatures in a period, and `driven` is
-    as in `Residual`. `own` maps the residual, and the fraction of it that stays, to the filter's
-    own memory.
+    `squares` is the sum of squares of changes by torques, `errors` the changes by each number of
+    the model, torque or moment of inertia, over its relative error. Variances are `doubt`, of the
+    change besides errors of these torques, and `passing`, one in the innovation that does not stay
+    in the estimate. `loss`, `flow` and `steady` are added to the signatures in a period, and
+    `driven` is as in `Residual`. `own` maps the residual, and the fraction of it that stays, to the
+    filter's own memory.
     """
 
     change: Float[Array, "n k"]
     squares: RealScalar | Float[Array, " k"]
+    errors: Float[Array, "numbers n k"]
     loss: Float[Array, "n m"]
     flow: Float[Array, "n m"]
     own: Callable[[Residual, Float[Array, " k"]], PyTree]
@@ -189,6 +192,7 @@ class AbstractResidualFilter(eqx.Module):
             variance + ahead.passing,
             jnp.where(started, memory.loss + ahead.loss, 0.0),
             jnp.where(started, memory.flow + ahead.flow, 0.0),
+            jnp.where(started, memory.errors + uncertainty * ahead.errors, 0.0),
             steady,
             ahead.driven,
         )
@@ -198,6 +202,7 @@ class AbstractResidualFilter(eqx.Module):
             jnp.where(started, left * predicted, noise),
             left[None] * residual.loss,
             left[None] * residual.flow,
+            left[None, None] * residual.errors,
             None if steady is None else left[0] * steady,
             jnp.array(True),
             ahead.own(residual, left),
@@ -211,10 +216,12 @@ class AbstractResidualFilter(eqx.Module):
         condition: ActuatorCondition,
         period: RealScalar,
         quiet: BoolScalar,
+        calm: BoolScalar,
     ) -> ActuatorCondition:
         """Correct the flows that actuators make all the time, and the external torque.
 
-        The latter is corrected only while it is `quiet`: nothing is suspected.
+        The latter is corrected only while it is `quiet`: nothing is suspected. While it is not even
+        `calm`, a statistic stands out, what a thruster lacks is not learned as errors of torques.
         """
 
     @abc.abstractmethod

@@ -183,7 +183,8 @@ class ThrusterFilter(AbstractResidualFilter):
         none = jnp.zeros((3, self.count), rate.dtype)
         no, variance = jnp.array(False), self.noise**2
         own = Late(none[0], self._turned(reading))
-        return FilterMemory(rate, variance, none, none, none[0, 0], no, own)
+        errors = jnp.zeros((self.count + 5, 3, 1), rate.dtype)
+        return FilterMemory(rate, variance, none, none, errors, none[0, 0], no, own)
 
     def predicted(
         self,
@@ -205,17 +206,24 @@ class ThrusterFilter(AbstractResidualFilter):
         besides = self.believed(condition, period)
         change = effect @ expected + gyroscopic + period * (inverse @ besides)
         # Of a symmetrical body the parts of the moments are large, although their sum is not.
-        parts = jnp.cross(turning, jnp.diag(jnp.diagonal(body.inertia) * turning)) @ inverse.T
-        squares = jnp.sum((effect * expected[None]) ** 2) + jnp.sum((period * parts) ** 2)
+        moments = jnp.diagonal(body.inertia)
+        turns = period * jnp.cross(turning, jnp.diag(moments * turning)) @ inverse.T
+        by_others = jnp.zeros((2, 3))
         if turned is not None:
-            squares = squares + jnp.sum((turned - memory.own.turned) ** 2)
+            by_others = by_others.at[0].set(turned - memory.own.turned)
         if reading.unwatched is not None:
-            unwatched = period * (inverse @ reading.unwatched)
-            change, squares = change + unwatched, squares + jnp.sum(unwatched**2)
+            by_others = by_others.at[1].set(period * (inverse @ reading.unwatched))
+            change = change + by_others[1]
+        # Flows and the torque from outside are estimated from rates, with the model's own errors.
+        thrusts = (effect * (condition.part * on_time)[None]).T
+        known = jnp.sum(thrusts, axis=0) + gyroscopic + by_others[1] - by_others[0]
+        by_moment = -turns - jnp.diag(moments * known) @ inverse.T
+        squares = jnp.sum((effect * expected[None]) ** 2) + jnp.sum(by_others**2)
         missing = jnp.where(condition.failed, 1 - condition.part, -condition.part) * on_time
         return Prediction(
             change[:, None],
-            squares,
+            squares + jnp.sum(turns**2),
+            jnp.concatenate([thrusts, by_others, by_moment])[:, :, None],
             effect * missing[None],
             effect * period,
             lambda _, left: Late(
@@ -231,13 +239,15 @@ class ThrusterFilter(AbstractResidualFilter):
         condition: ActuatorCondition,
         period: RealScalar,
         quiet: BoolScalar,
+        calm: BoolScalar,
     ) -> ActuatorCondition:
         """Correct the flows of failed thrusters, and the external torque.
 
         Without a flow the torque is the mean of the samples, each weighted by its information.
         Torques that the model has wrong, by thrust or inertia, err alike in many samples, which
         together say no more than one with the variance `wrong`, over that of the noise: the
-        information of n samples is 1/(1/n + wrong), and grows by (1 - n wrong)² with each.
+        information of n samples is 1/(1/n + wrong), and grows by (1 - n wrong)² with each. Beyond
+        it the estimate follows the last samples while it is `calm`.
         """
         body = self.model.spacecraft
         effect = period * (body.inverse_inertia @ self.thrusters.torque)
@@ -251,6 +261,7 @@ class ThrusterFilter(AbstractResidualFilter):
         each = jnp.where(quiet & (condition.samples < self.most_samples), 1.0, 0.0)
         each = each * (steady * STEADY_GAIN / period) ** 2
         weight = each * new * noise / residual.variance[0]
+        each = jnp.where(calm, each, 0.0)
         beyond = jnp.maximum(wrong * condition.samples - 1, 0.0) / jnp.where(wrong > 0, wrong, 1.0)
         samples = condition.samples + weight - each * beyond / LAST_SAMPLES
         mean = weight / (samples + FIRST_SAMPLES) + each * (1 - new) / LAST_SAMPLES

@@ -134,7 +134,8 @@ class WheelFilter(AbstractResidualFilter):
         momentum = self.read(reading)
         none, no = jnp.zeros_like(momentum), jnp.array(False)
         own = Rotors(none[0] > 0, self._taken(reading))
-        return FilterMemory(momentum, self.momentum_noise**2, none, none, None, no, own)
+        errors = jnp.zeros((3, 1, self.count), momentum.dtype)
+        return FilterMemory(momentum, self.momentum_noise**2, none, none, errors, None, no, own)
 
     def _taken(self, reading: Reading) -> OfEach | None:
         """Return the momentum of rotors turning with the body, N m s."""
@@ -185,7 +186,7 @@ class WheelFilter(AbstractResidualFilter):
         moves = jnp.minimum(jnp.maximum(jnp.abs(before), jnp.abs(after)) / noise, 1.0)
         side = side * moves
         believed = jnp.where(condition.failed, 0.0, missing)  # one that has failed makes nothing
-        squares = believed**2 + left_behind**2 + braked**2
+        torques = jnp.stack([believed, left_behind + jnp.zeros_like(believed), braked])
         rests = jnp.abs(before) < jnp.abs(motor) + jnp.abs(friction) + noise
         doubt = jnp.where(rests, friction**2, 0.0)
         if limit is not None:
@@ -203,7 +204,8 @@ class WheelFilter(AbstractResidualFilter):
 
         return Prediction(
             change[None],
-            squares,
+            jnp.sum(torques**2, axis=0),
+            torques[:, None],
             missing[None],
             -(full * side)[None],
             rotors,
@@ -217,6 +219,7 @@ class WheelFilter(AbstractResidualFilter):
         condition: ActuatorCondition,
         period: RealScalar,
         quiet: BoolScalar,
+        calm: BoolScalar,
     ) -> ActuatorCondition:
         """Correct the friction of braked wheels, and while it is `quiet` the torque of weak motors.
 
