@@ -65,6 +65,6 @@ def tune(
             )
     except ValueError as error:
         raise UserMistake(str(error)) from None
-    already = "" if outcome.earlier_document is None else "already "
+    already = "" if outcome.kept is None else "already "
     present(outcome.document, target, results, report, already)
     return SUCCESS

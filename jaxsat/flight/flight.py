@@ -238,6 +238,11 @@ class FlightController(eqx.Module):
         commands: dict[str, Array] = {}
         for one, use in zip(self.effectors, uses, strict=True):
             own, memory = one.flight_commands(use, memory, self.law.period)
+            if shared := commands.keys() & own.keys():
+                raise CannotExport(
+                    f"{one.kind}: `flight_commands` must use names of its own, got "
+                    f"{' and '.join(sorted(shared))}, used by another effector"
+                )
             commands |= own
         return commands, memory
 

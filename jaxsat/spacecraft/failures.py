@@ -130,7 +130,7 @@ class FailureEvents(AbstractFailures):
         once = jnp.cross(turn[None], self.turned, axis=1)
         twice = jnp.cross(turn[None], once, axis=1)
         turned = self.turned + once + twice / (1 + cosine)[None, None]
-        turned = turned * (sizes[1] / sizes[0])[None, None]
+        turned = turned * (sizes[1] / jnp.where(sizes[0] > 0, sizes[0], 1.0))[None, None]
         return eqx.tree_at(lambda one: one.turned, self, turned)
 
     def hit(self, event: int, count: int) -> Bool[Array, " m"]:

@@ -41,13 +41,13 @@ class AbstractSteering(eqx.Module):
 class SteeringContext(NamedTuple):
     """Inputs from a scenario for a steering besides its effector and the effector's tables.
 
-    `remainder` (3, 3) is the part of a command of three torques that wheels do not make. Wheels
-    along unit `wheel_axes`, zero for failed ones, are unloaded towards the `bias` (N m s, body
-    axes) at the rate `unloading` (1/s).
+    `left` (3, 3) is the part of a command of three torques that wheels do not make. Wheels along
+    unit `wheel_axes`, zero for failed ones, are unloaded towards the `bias` (N m s, body axes) at
+    the rate `unloading` (1/s).
     """
 
     wheel_axes: Float[np.ndarray, "3 wheels"] | None
-    remainder: Float[np.ndarray, "3 3"]
+    left: Float[np.ndarray, "3 3"]
     unloading: float
     bias: Float[np.ndarray, "3"]
 

@@ -147,7 +147,7 @@ def _far_out(
     beyond = near / far * jnp.exp((near - far) * (near + far) / 2)
     more, size = -2 * jnp.log(beyond + u * (1 - beyond)), near
     for _ in range(3):
-        size = jnp.sqrt(near**2 + more - 2 * jnp.log(size / near))
+        size = jnp.minimum(jnp.sqrt(near**2 + more - 2 * jnp.log(size / near)), far)
     return jnp.clip(-size, lower, upper)
 
 

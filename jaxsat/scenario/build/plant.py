@@ -154,7 +154,7 @@ def _disturbance_inputs(
 ) -> tuple[DisturbanceContext, dict[str, Any]]:
     """The context of jaxsat's own disturbances, and the values of all their keys."""
     field, light = field_of(scenario.orbit), _sunlight(scenario)
-    context = DisturbanceContext(inertia, scenario.orbit.rate(), field, light, scenario.panel)
+    context = DisturbanceContext(inertia, scenario.orbit.rate(), field, scenario.panel, light)
     keys = (key for part in DISTURBANCES.values() for key in part.keys)
     return context, values_of(keys, scenario.disturbance)
 

@@ -17,6 +17,7 @@ from jaxsat.core.text import capitalised, number_text
 from jaxsat.scenario.build.actuator_set import UNCOUNTED
 from jaxsat.scenario.build.plant import effector_context
 from jaxsat.scenario.build.run import build_uncontrolled
+from jaxsat.scenario.parts.torque_makers import working_torques
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft.effector import Reach
 
@@ -92,9 +93,14 @@ def reached_torques(
         effector, state = kind.from_tables(devices, effector_context(scenario, tables))
         return _bounds(effector.reach(zero, start, state, jnp.ones(len(tables), bool), zero))
 
-    thrusters = loop.plant.effectors[0].reach(zero, start, None, jnp.zeros(0, bool), zero)
+    pushes = working_torques(scenario.thruster)
+    sides = np.ones(pushes.shape[1])
+    thrusters = _Bounds(pushes, 0 * sides, sides)
+    if not scenario.thruster:
+        ideal = loop.plant.effectors[0]
+        thrusters = _bounds(ideal.reach(zero, start, None, jnp.zeros(0, bool), zero))
     present = [one for one in ACTUATORS if one.maker and getattr(scenario, one.name)]
-    parts = {"": _bounds(thrusters)} | {one.name: reach(one) for one in present}
+    parts = {"": thrusters} | {one.name: reach(one) for one in present}
     after = {
         (f"{kind.called}s", one.word): [
             _reserve(parts | {kind.name: reach(kind, (number, one))})

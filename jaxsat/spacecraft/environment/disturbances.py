@@ -24,15 +24,15 @@ class DisturbanceContext(NamedTuple):
     """Inputs from a scenario for a disturbance besides its own keys.
 
     The nominal `inertia` (kg m²), the `orbit_rate` (rad/s) of the reference frame, the magnetic
-    `field` along the orbit, `sunlight`, which is the direction to the Sun with its shadow, in the
-    reference frame of the attitude, and checked tables `[[panel]]`.
+    `field` along the orbit, checked tables `[[panel]]`, and `sunlight`, which is the direction to
+    the Sun with its shadow, in the reference frame of the attitude; a scenario always gives it.
     """
 
     inertia: Float[np.ndarray, "3 3"]
     orbit_rate: float
     field: AbstractMagneticField
-    sunlight: AbstractSensedVector
     panels: tuple[Any, ...] = ()
+    sunlight: AbstractSensedVector | None = None
 
     @property
     def place(self) -> AbstractPlace:

@@ -54,14 +54,14 @@ class Front(NamedTuple):
     torque_limit: float
     points: list[FrontPoint]
     failed: list[float]
-    laws: list[FlownPoint]
+    flown: list[FlownPoint]
     end: End = "settled"
 
     def as_data(self) -> dict[str, Any]:
         """Convert to plain data; None for numbers that are not finite."""
         laws = [
             {"law": one.law, "settled_from_s": one.settled_from, "effort_N_m_s": one.effort}
-            for one in self.laws
+            for one in self.flown
         ]
         record = {
             "torque_limit_N_m": self.torque_limit,

@@ -54,8 +54,8 @@ class TuningResult:
 
     `receipt` says whether the gradients were right, `verdict` how both scenarios do on cases that
     were never tuned on, `baselines` what other methods reach; they are computed on first access.
-    `plan.remark` says why an engine was not used. `earlier_document` is that of an earlier complete
-    run in the same folder, else None.
+    `plan.remark` says why an engine was not used. `kept` is the document of an earlier complete run
+    in the same folder, else None.
     """
 
     original: Scenario
@@ -64,7 +64,7 @@ class TuningResult:
     state: DescentState
     with_baselines: bool = False
     listener: Listener = Listener()
-    earlier_document: Document | None = None
+    kept: Document | None = None
 
     _repr_markdown_ = notebook_text
 
@@ -104,8 +104,8 @@ class TuningResult:
     @property
     def document(self) -> Document:
         """The document that `jaxsat tune` prints."""
-        if self.earlier_document is not None:
-            return self.earlier_document
+        if self.kept is not None:
+            return self.kept
         parts = self.verdict, self.receipt, self.baselines
         verdict, receipt, baselines = map(plain_data, parts)
         title = self.original.title

@@ -1,5 +1,6 @@
 """Torques at the start by the reach of every effector, against the analysis of gyros alone."""
 
+import numpy as np
 import pytest
 
 from helpers.gyros import document
@@ -52,3 +53,21 @@ def test_wheels_beside_gyros_count_as_far_as_they_work():
 def test_only_actuators_that_no_other_verdict_counts_are_judged_by_their_reach():
     assert reached_torques(load("wheels-fail")) is None
     assert reached_torques(Scenario.model_validate(document())) is None
+
+
+def test_thrusters_beside_gyros_push_their_own_way_with_their_own_thrust():
+    data = document()
+    for one in data["gimbal"]:
+        one["failed"] = True
+    axes = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, -1, -1]])
+    thrusters = [
+        {"name": f"t{n}", "torque_axis": axis.tolist(), "torque_N_m": 0.05}
+        for n, axis in enumerate(axes)
+    ]
+    torques = reached_torques(Scenario.model_validate(data | {"thruster": thrusters}), (GIMBAL,))
+    assert torques is not None
+    assert torques.axes == 3
+    directions = np.random.default_rng(1).standard_normal((100_000, 3))
+    pushes = 0.05 * axes / np.linalg.norm(axes, axis=1)[:, None]
+    most = np.maximum(directions @ pushes.T, 0).sum(axis=1) / np.linalg.norm(directions, axis=1)
+    assert most.min() * 0.98 < torques.reserve < most.min()
