@@ -96,9 +96,6 @@ WEAK = 0.1
 TOLD_APART = 2 * PENALTY / WEAK**2
 """Information about the loss of an actuator that separates a dead one from a `WEAK` one."""
 
-SUSPICIOUS = 1 / 3
-"""Statistic over the threshold above which nothing is learned that a failure may have caused."""
-
 MOST_RETURNS = 2
 """Recoveries after which an actuator that fails once more is not trusted again."""
 
@@ -158,11 +155,11 @@ class Diagnosis(eqx.Module):
 
     Measurements and failure hypotheses are those of a filter, the `watch`. Torques are assumed to
     be wrong by the fraction `uncertainty`, and moments of inertia with them; what such errors leave
-    beyond `reference` counts in no test. Each thruster has three CUSUM tests: missing thrust,
-    thrust that was not commanded, and thrust missing in full; a wheel lacks the third, and has one
-    for each sign of the second. The scores of the first two are standard normal where nothing has
-    failed and the model is true, so that `average_run_length` of `reference` and `threshold` (both
-    in sigmas) is the mean number of samples to a false alarm of each; that of the third is at least
+    beyond `reference` counts neither as flow nor as a full loss. Each thruster has three CUSUM
+    tests: missing thrust, thrust that was not commanded, and thrust missing in full; a wheel lacks
+    the third, and has one for each sign of the second. The scores of the first two are standard
+    normal where nothing has failed and the model is true, so that `average_run_length` of
+    `reference` and `threshold` (both in sigmas) is the mean number of samples to a false alarm of each; that of the third is at least
     e^(2 reference threshold). From the alarm on the evidence is gathered anew. At an alarm for a
     flow the filter restarts, too: its signature would be that of a flow which has always been
     there. The best explanation is the verdict once its log-likelihood exceeds that of no failure,
@@ -243,8 +240,7 @@ class Diagnosis(eqx.Module):
         whole = best.kind == DiagnosedKind.DEAD
         serves = jnp.isin(best.kind, jnp.array(hypotheses.in_service, int))
         comes_back = hit & condition.failed & (whole | serves)
-        calm = jnp.max(largest) < SUSPICIOUS * self.threshold
-        tracked = watch.tracked(residual, condition, period, ~alarmed & ~alarm, calm)
+        tracked = watch.tracked(residual, condition, period, ~alarmed & ~alarm)
         back = condition.part + best.loss * (1 - condition.part)
         left = jnp.where(fails, condition.part * (1 - best.loss), back)
         flow = jnp.where(comes_back, 0.0, tracked.flow)
@@ -288,19 +284,27 @@ class Diagnosis(eqx.Module):
         sigma = jnp.broadcast_to(jnp.sqrt(residual.variance), size.shape)
         is_visible = size > LEAST_SIGNAL * sigma
         along = jnp.sum(signatures * residual.innovation[None], axis=1)
-        left = jnp.sum(signatures[:, None] * residual.errors[None], axis=2)
-        alone, alike = left[:, :-ALIKE], left[:, -ALIKE:]
-        excused = jnp.sqrt(jnp.sum(alone**2, axis=1)) + jnp.sum(jnp.abs(alike), axis=1)
-        along = along - jnp.maximum(excused - self.reference * size * sigma, 0.0)
-        score = along / (jnp.where(is_visible, size, 1.0) * sigma)
+        excess = _left_by_errors(residual, signatures) - self.reference * size * sigma
+        less = along - jnp.maximum(excess, 0.0)
+        score = along.at[1:].set(less[1:]) / (jnp.where(is_visible, size, 1.0) * sigma)
         gain = score - self.reference
         of_flow = (jnp.arange(1 + len(signs)) > 0)[:, None]
         failed, many = memory.condition.failed, memory.returns >= MOST_RETURNS
         untested = failed[None] & (of_flow | many[None])
         tested = is_visible & ~untested
         if weak_losses:
-            ratio = (along[:1] - squares[:1] / 2) / (2 * self.reference * sigma[:1] ** 2)
+            ratio = (less[:1] - squares[:1] / 2) / (2 * self.reference * sigma[:1] ** 2)
             gain = jnp.concatenate([gain, ratio])
             tested = jnp.concatenate([tested, ~failed[None]])
         after = jnp.maximum(memory.statistic + gain, 0.0)
         return jnp.where(tested & (memory.stage == Stage.QUIET), after, memory.statistic)
+
+
+def _left_by_errors(
+    residual: Residual, signatures: Float[Array, "tests n m"]
+) -> Float[Array, "tests m"]:
+    """Return what errors of the model leave along signatures: of torques by their root sum of
+    squares, of the last `ALIKE` numbers all with the same sign."""
+    left = jnp.sum(signatures[:, None] * residual.errors[None], axis=2)
+    alone, alike = left[:, :-ALIKE], left[:, -ALIKE:]
+    return jnp.sqrt(jnp.sum(alone**2, axis=1)) + jnp.sum(jnp.abs(alike), axis=1)

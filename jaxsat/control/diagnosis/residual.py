@@ -216,12 +216,10 @@ class AbstractResidualFilter(eqx.Module):
         condition: ActuatorCondition,
         period: RealScalar,
         quiet: BoolScalar,
-        calm: BoolScalar,
     ) -> ActuatorCondition:
         """Correct the flows that actuators make all the time, and the external torque.
 
-        The latter is corrected only while it is `quiet`: nothing is suspected. While it is not even
-        `calm`, a statistic stands out, what a thruster lacks is not learned as errors of torques.
+        The latter is corrected only while it is `quiet`: nothing is suspected.
         """
 
     @abc.abstractmethod

@@ -239,15 +239,13 @@ class ThrusterFilter(AbstractResidualFilter):
         condition: ActuatorCondition,
         period: RealScalar,
         quiet: BoolScalar,
-        calm: BoolScalar,
     ) -> ActuatorCondition:
         """Correct the flows of failed thrusters, and the external torque.
 
         Without a flow the torque is the mean of the samples, each weighted by its information.
         Torques that the model has wrong, by thrust or inertia, err alike in many samples, which
         together say no more than one with the variance `wrong`, over that of the noise: the
-        information of n samples is 1/(1/n + wrong), and grows by (1 - n wrong)² with each. Beyond
-        it the estimate follows the last samples while it is `calm`.
+        information of n samples is 1/(1/n + wrong), and grows by (1 - n wrong)² with each.
         """
         body = self.model.spacecraft
         effect = period * (body.inverse_inertia @ self.thrusters.torque)
@@ -261,7 +259,6 @@ class ThrusterFilter(AbstractResidualFilter):
         each = jnp.where(quiet & (condition.samples < self.most_samples), 1.0, 0.0)
         each = each * (steady * STEADY_GAIN / period) ** 2
         weight = each * new * noise / residual.variance[0]
-        each = jnp.where(calm, each, 0.0)
         beyond = jnp.maximum(wrong * condition.samples - 1, 0.0) / jnp.where(wrong > 0, wrong, 1.0)
         samples = condition.samples + weight - each * beyond / LAST_SAMPLES
         mean = weight / (samples + FIRST_SAMPLES) + each * (1 - new) / LAST_SAMPLES

@@ -219,7 +219,6 @@ class WheelFilter(AbstractResidualFilter):
         condition: ActuatorCondition,
         period: RealScalar,
         quiet: BoolScalar,
-        calm: BoolScalar,
     ) -> ActuatorCondition:
         """Correct the friction of braked wheels, and while it is `quiet` the torque of weak motors.
 

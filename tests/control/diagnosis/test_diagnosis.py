@@ -115,13 +115,11 @@ def test_a_thruster_that_returns_is_used_again_twice_and_no_more():
 
 @pytest.mark.slow
 def test_two_thrusters_that_fail_one_after_the_other_are_both_isolated():
-    """Nothing opposes the first: errors of the moments in a faster rotation would hide the other,
-    of which a part of its thrust may be taken for a steady one."""
     rng = np.random.default_rng(21)
     samples, first, second = 200, 40, 110
     on_time = commanded(rng, samples)
     made = on_time.copy()
-    made[first:, 1] = 0.1 * PERIOD  # stuck at a level
+    made[first:, 1] = 0.3 * PERIOD  # stuck at a level
     made[second:, 6] *= 0.4  # degraded
     noise = rng.standard_normal((samples, 3))
     _, failed, kind, flow, _ = map(
@@ -130,8 +128,8 @@ def test_two_thrusters_that_fail_one_after_the_other_are_both_isolated():
     assert not failed[:first].any()
     assert failed[second].tolist() == [k == 1 for k in range(COUNT)]
     assert failed[-1].tolist() == [k in (1, 6) for k in range(COUNT)]
-    assert kind[-1, 1] == DiagnosedKind.STUCK_AT
-    assert flow[-1, 1] == pytest.approx(0.1, abs=0.03)
+    assert kind[-1, [1, 6]].tolist() == [DiagnosedKind.STUCK_AT, DiagnosedKind.DEGRADED]
+    assert flow[-1, 1] == pytest.approx(0.3, abs=0.05)
 
 
 @pytest.mark.slow
