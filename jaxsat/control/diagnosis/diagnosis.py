@@ -159,15 +159,15 @@ class Diagnosis(eqx.Module):
     tests: missing thrust, thrust that was not commanded, and thrust missing in full; a wheel lacks
     the third, and has one for each sign of the second. The scores of the first two are standard
     normal where nothing has failed and the model is true, so that `average_run_length` of
-    `reference` and `threshold` (both in sigmas) is the mean number of samples to a false alarm of each; that of the third is at least
-    e^(2 reference threshold). From the alarm on the evidence is gathered anew. At an alarm for a
-    flow the filter restarts, too: its signature would be that of a flow which has always been
-    there. The best explanation is the verdict once its log-likelihood exceeds that of no failure,
-    that of any other actuator, and that of a constant external torque, by `margin`; if such a
-    torque is the best, it is compensated from then on. After `patience` samples the more likely of
-    two actuators is taken, an external torque rather than an actuator that is hardly more likely,
-    and an alarm that nothing explains is dismissed. A failed actuator whose commanded torque is
-    there again returns to service, at most `MOST_RETURNS` times.
+    `reference` and `threshold` (both in sigmas) is the mean number of samples to a false alarm of
+    each; that of the third is at least e^(2 reference threshold). From the alarm on the evidence is
+    gathered anew. At an alarm for a flow the filter restarts, too: its signature would be that of a
+    flow which has always been there. The best explanation is the verdict once its log-likelihood
+    exceeds that of no failure, that of any other actuator, and that of a constant external torque,
+    by `margin`; if such a torque is the best, it is compensated from then on. After `patience`
+    samples the more likely of two actuators is taken, an external torque rather than an actuator
+    that is hardly more likely, and an alarm that nothing explains is dismissed. A failed actuator
+    whose commanded torque is there again returns to service, at most `MOST_RETURNS` times.
     """
 
     reference: RealScalar = eqx.field(converter=positive("reference"), default=1.0)
