@@ -51,6 +51,12 @@ def test_truncated_normal_far_from_its_mean(low, high, side):
     np.testing.assert_allclose(found - near, expected - near, rtol=1e-5, atol=1e-14 * near)
 
 
+@pytest.mark.parametrize(("low", "high"), [(40, 1e9), (-1e8, -38)])
+def test_the_ends_of_a_truncated_normal_far_from_its_mean_are_its_bounds(low, high):
+    ends = TruncatedNormal(0.0, 1.0, low, high).quantile(jnp.array([0.0, 1.0]))
+    np.testing.assert_allclose(ends, [low, high], rtol=1e-12)
+
+
 def test_discrete():
     found = Discrete([1.0, 5.0, -2.0], [1.0, 2.0, 1.0]).quantile(U)
     values, counts = np.unique(found, return_counts=True)
