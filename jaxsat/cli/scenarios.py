@@ -119,17 +119,18 @@ def _verdict(file: str, overrides: Sequence[str]) -> list[str]:
         missing = [one for one in ("orbit", *TABLES) if one not in tables]
         vehicle = load_vehicle(file, overrides)
         scenario, trials = vehicle.scenario, dict(VEHICLE_TRIALS)
-        if not list(_flown_by_none(scenario)):
+        reasons = list(_flown_by_none(scenario))
+        if not reasons:
             trials["design"] = lambda scenario: _require_law(vehicle)
         refusal_lines = list(_refused(scenario, trials))
         commands = "controllability" if refusal_lines else "controllability and design"
-        refusal_lines.append(f"not for the others: {', '.join(missing)} must be given")
+        others = f"not for the others: {', '.join(missing)} must be given"
+        refusal_lines += [others, *reasons]
         what = f"valid for {commands}"
     else:
         scenario = load_scenario(file, overrides, "tuning")
         refusal_lines, what = list(refusals(scenario)), "valid"
-    lines = [f"  {line}" for line in (*refusal_lines, *_flown_by_none(scenario))]
-    return [f"{clean(file)}: {what} ({scenario.title})", *lines]
+    return [f"{clean(file)}: {what} ({scenario.title})", *(f"  {line}" for line in refusal_lines)]
 
 
 def _flown_by_none(scenario: "Scenario") -> Iterator[str]:
@@ -146,7 +147,8 @@ def _flown_by_none(scenario: "Scenario") -> Iterator[str]:
 
 
 def refusals(scenario: "Scenario") -> Iterator[str]:
-    """Yield a line for each group of commands that refuse the scenario, by their own checks."""
+    """Yield a line for each group of commands that refuse the scenario, by their own checks, and
+    one where no law applies."""
     from jaxsat.scenario.errors import MissingTable
 
     if scenario.dispersion is None:
@@ -155,6 +157,7 @@ def refusals(scenario: "Scenario") -> Iterator[str]:
         yield f"not for tune: {MissingTable('tuning')}"
     yield from _refused(scenario, {"bound and front": _require_manoeuvre, **VEHICLE_TRIALS})
     yield from _refused(scenario, {"export": _require_flight_code})
+    yield from _flown_by_none(scenario)
 
 
 def _refused(

@@ -303,8 +303,10 @@ class Diagnosis(eqx.Module):
 def _left_by_errors(
     residual: Residual, signatures: Float[Array, "tests n m"]
 ) -> Float[Array, "tests m"]:
-    """Return what errors of the model leave along signatures: of torques by their root sum of
-    squares, of the last `ALIKE` numbers all with the same sign."""
-    left = jnp.sum(signatures[:, None] * residual.errors[None], axis=2)
-    alone, alike = left[:, :-ALIKE], left[:, -ALIKE:]
-    return jnp.sqrt(jnp.sum(alone**2, axis=1)) + jnp.sum(jnp.abs(alike), axis=1)
+    """Return what errors of the model leave along signatures x: of torques by their root sum of
+    squares √(xᵀ Σ e eᵀ x), of the last `ALIKE` numbers all with the same sign."""
+    alone, alike = residual.errors[:-ALIKE], residual.errors[-ALIKE:]
+    spread = jnp.sum(alone[:, :, None] * alone[:, None], axis=0)
+    squares = jnp.sum(signatures * jnp.sum(spread[None] * signatures[:, None], axis=2), axis=1)
+    same = jnp.sum(jnp.abs(jnp.sum(signatures[None] * alike[:, None], axis=2)), axis=0)
+    return jnp.sqrt(jnp.maximum(squares, 0.0)) + same
